@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import gc
-import itertools
-import os
 import signal
 import threading
 import time
@@ -13,28 +10,20 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 from cyclopts import Parameter
 
-from schuler import units
 from schuler.cli.configuration import entries
+from schuler.cli.live_output import open_outlets, status_line, stride_sender
 from schuler.cli.output import File, Flag, Folder, Texts, print_json, say
-from schuler.exceptions import InputError, printable
+from schuler.exceptions import InputError
 
 if TYPE_CHECKING:
-    from schuler.live.address import Address
     from schuler.live.clock import SourceClock
-    from schuler.live.messages import Event, Health, Solution
+    from schuler.live.messages import Event, Solution
     from schuler.live.navigator import LiveNavigator
-    from schuler.live.publishing import Publisher
     from schuler.navigation.config import NavigationConfig
     from schuler.navigation.foot.config import FootConfig
-    from schuler.navigation.result import NavigationResult
     from schuler.recording.series import Kind
-
-_REDRAWN_S = 0.25  # between two drawings of the status line [s]
-_SUFFIX = {"nmea": "nmea", "ubx": "ubx", "text": "txt"}
-_COLOURS = {"ok": "green", "coasting": "yellow", "doubtful": "yellow", "failed": "bold red", "aligning": "cyan"}
 
 
 def live(
@@ -110,79 +99,38 @@ def live(
     from schuler.live.clock import SourceClock
     from schuler.live.endpoint import HealthEndpoint, HealthReport, Watchdog
     from schuler.live.foot import LiveFoot
-    from schuler.live.mavlink import MavlinkSink
     from schuler.live.navigator import LiveNavigator
-    from schuler.live.publishing import FORMATS, open_publisher
     from schuler.live.session import run_session
-    from schuler.live.sinks import SolutionTable, open_line_sink
     from schuler.live.sources import parse_source
     from schuler.live.wiring import connect
     from schuler.navigation.config import NavigationConfig
 
-    if not source:
-        raise InputError("live: expected a source, such as serial:/dev/ttyUSB0 or replay:drive.parquet, got none")
-    if not 0.0 <= output_rate <= 10_000.0:
-        raise InputError(f"--output-rate: expected solutions in a second from 0 to 10000, got {output_rate:g}")
-    if not 0.1 <= state_every <= 86_400.0:
-        raise InputError(f"--state-every: expected seconds from 0.1 to 86400, got {state_every:g}")
-    if json and any(text.endswith(":-") for text in out):
-        raise InputError("--json and --out to stdout: both print there; leave one of them out")
+    _check_options(source, out, output_rate, state_every, json=json)
     if foot and (state is not None or calibration is not None or smoother_lag is not None):
         raise InputError("--foot has no --state, --calibration or --smoother-lag: a walk is smoothed stride by stride")
     addresses = [parse_source(text) for text in source]
     loaded = _configured(config, entries(set), foot)
     clock, began = SourceClock(), time.monotonic()
-    is_smoothed = foot or smoother_lag is not None
     with ExitStack() as held:
-        sinks: list[Any] = []
-        smoothed_sinks: list[Any] = []
-        publishers: list[Publisher] = []
-        for text in out:
-            if text.partition(":")[0] in FORMATS:
-                publishers.append(open_publisher(text, clock, lambda: kind))
-                sinks.append(publishers[-1])
-            elif text.startswith("mavlink:"):
-                sinks.append(MavlinkSink(text.removeprefix("mavlink:"), clock, geoid_separation))
-            else:
-                sinks.append(open_line_sink(text, clock, geoid_separation))
-            held.callback(sinks[-1].close)
-            # NMEA and MAVLink have no word for what is no longer so
-            if is_smoothed and not text.startswith(("nmea:", "mavlink:")):
-                smoothed_sinks.append(sinks[-1])
-        tables = {} if record is None else {"solution": SolutionTable(_free_name(record), clock)}
-        sinks += tables.values()
-        if record is not None and is_smoothed:
-            tables["smoothed"] = SolutionTable(_free_name(record, "smoothed"), clock, smoothed=True)
-            smoothed_sinks.append(tables["smoothed"])
-        sources, kind = connect(
-            addresses, loaded.recording, clock, replayed=lambda log: _read(log, config),
-            kept_in=_keeper(record, held, publishers),
+        outlets = open_outlets(out, record, clock, geoid_separation, foot or smoother_lag is not None, held)
+        sources, outlets.kind = connect(
+            addresses, loaded.recording, clock, replayed=lambda log: _read(log, config), kept_in=outlets.keeper(held),
             raw=isinstance(loaded, NavigationConfig) and loaded.gnss.coupling == "tight",
         )  # fmt: skip
         stop = held.enter_context(_stopped_by_signals())
-        status = held.enter_context(_status_line(not headless))
-        sinks.append(status)
-
-        def publish(event: Event) -> None:
-            for sink in sinks:
-                sink.event(event)
-            if event.kind in ("start", "state"):
-                # everything is loaded now; later collections pass it by, which took tens of milliseconds
-                gc.unfreeze()
-                gc.collect()
-                gc.freeze()
-
+        status = held.enter_context(status_line(not headless))
+        outlets.sinks.append(status)
         navigator: LiveFoot | LiveNavigator
         if isinstance(loaded, NavigationConfig):
             navigator = _restored(
-                state, loaded, kind, (lag, smoother_lag), calibration, stood_still, clock, publish
+                state, loaded, outlets.kind, (lag, smoother_lag), calibration, stood_still, clock, outlets.event
             ) or LiveNavigator.from_config(
-                loaded, calibration=calibration, lag_s=lag, smoother_lag_s=smoother_lag, kind=kind, on_event=publish
+                loaded, calibration=calibration, lag_s=lag, smoother_lag_s=smoother_lag, kind=outlets.kind,
+                on_event=outlets.event,
             )  # fmt: skip
         else:
-            navigator = LiveFoot(
-                loaded, kind=kind, on_event=publish, on_stride=_stride_sender(smoothed_sinks, output_rate)
-            )  # fmt: skip
+            send = stride_sender(outlets.smoothed, output_rate)
+            navigator = LiveFoot(loaded, kind=outlets.kind, on_event=outlets.event, on_stride=send)
 
         def save() -> None:
             if state is not None and isinstance(navigator, LiveNavigator):
@@ -192,7 +140,7 @@ def live(
         report = HealthReport(lambda: navigator.health)
         if health is not None:
             held.callback(HealthEndpoint(health, report).close)
-        sinks.append(report)
+        outlets.sinks.append(report)
         watchdog = Watchdog()
 
         def idle(solution: Solution | None) -> None:
@@ -200,30 +148,43 @@ def live(
             watchdog.alive()
 
         summary = run_session(
-            sources, navigator, clock, sinks, smoothed_sinks=() if foot else smoothed_sinks, stop=stop,
+            sources, navigator, clock, outlets.sinks, smoothed_sinks=() if foot else outlets.smoothed, stop=stop,
             rate_hz=output_rate, every_s=state_every, on_interval=save, on_idle=idle,
-            on_message=[*(publisher.message for publisher in publishers), report.message],
+            on_message=[*(publisher.message for publisher in outlets.publishers), report.message],
         )  # fmt: skip
         watchdog.notify("STOPPING=1")
         if isinstance(navigator, LiveFoot):
             navigator.finish()
         last = navigator.solution()
-        lost = sum(publisher.lost for publisher in publishers)
-        if lost:
-            say(f"{lost} messages were left out of mcap or foxglove, which did not follow", "warning")
-        files = {name: path for name, table in tables.items() if (path := table.close()) is not None}
-    numbers = {
-        "health": navigator.health, "messages": dict(summary.messages), "solutions": summary.solutions,
-        "left_out": dict(summary.left_out), "elapsed_s": time.monotonic() - began,
-    }  # fmt: skip
+        files = outlets.close_tables()
     if json:
-        print_json({"command": "live", **numbers, "files": files})
+        print_json(
+            {
+                "command": "live", "health": navigator.health, "messages": dict(summary.messages),
+                "solutions": summary.solutions, "left_out": dict(summary.left_out),
+                "elapsed_s": time.monotonic() - began, "files": files,
+            }
+        )  # fmt: skip
     else:
         counts = ", ".join(f"{count} {name}" for name, count in summary.messages.items()) or "no messages"
         say(f"ended {navigator.health}: {counts}; {summary.solutions} solutions")
         for name, path in files.items():
             say(f"{name}: {path}")
     return 0 if last is not None and navigator.health != "failed" else 1
+
+
+def _check_options(
+    source: Sequence[str], out: Sequence[str], output_rate: float, state_every: float, *, json: bool
+) -> None:
+    """Raise InputError for options that are out of range or do not go together."""
+    if not source:
+        raise InputError("live: expected a source, such as serial:/dev/ttyUSB0 or replay:drive.parquet, got none")
+    if not 0.0 <= output_rate <= 10_000.0:
+        raise InputError(f"--output-rate: expected solutions in a second from 0 to 10000, got {output_rate:g}")
+    if not 0.1 <= state_every <= 86_400.0:
+        raise InputError(f"--state-every: expected seconds from 0.1 to 86400, got {state_every:g}")
+    if json and any(text.endswith(":-") for text in out):
+        raise InputError("--json and --out to stdout: both print there; leave one of them out")
 
 
 def _restored(
@@ -272,61 +233,10 @@ def _configured(config: Path | None, changes: Sequence[tuple[str, Any]], foot: b
     return FootConfig.parse(data, "--set" if config is None else str(config))
 
 
-def _stride_sender(sinks: Sequence[Any], rate_hz: float) -> Callable[[NavigationResult, Health, float], None]:
-    """Function that sends the smoothed solutions of a stride to sinks, so many in a second."""
-    from schuler.live.foot import stride_solutions
-
-    sent = -np.inf
-
-    def send(stride: NavigationResult, health: Health, newest: float) -> None:
-        nonlocal sent
-        for solution in stride_solutions(stride, health, newest) if sinks else ():
-            if rate_hz > 0.0 and solution.t < sent + (1.0 - 1e-6) / rate_hz:
-                continue
-            sent = solution.t
-            for sink in sinks:
-                sink.solution(solution)
-
-    return send
-
-
 def _read(log: Path, config: Path | None) -> Any:
     from schuler.cli.reading import read_log
 
     return read_log(log, config)
-
-
-def _free_name(folder: Path, table: str = "solution") -> Path:
-    """Name of the next table of a folder, which a service that is started again goes on to fill."""
-    names = (folder / f"{table}{'' if k == 1 else f'-{k}'}.parquet" for k in itertools.count(1))
-    return next(path for path in names if not path.exists())
-
-
-def _keeper(
-    folder: Path | None, held: ExitStack, publishers: Sequence[Publisher]
-) -> Callable[[int, Address], Callable[[bytes], None] | None]:
-    """Functions that keep the bytes of each source: in a file, which stays after a kill, and on its topic."""
-
-    def keep(k: int, address: Address) -> Callable[[bytes], None] | None:
-        if folder is None and not publishers:
-            return None
-        handle: int | None = None
-        if folder is not None:
-            suffix = _SUFFIX.get(address.options.get("format", ""), "bin")
-            path = folder / f"source-{k + 1}.{suffix}"
-            path.parent.mkdir(parents=True, exist_ok=True)
-            handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
-            held.callback(os.close, handle)
-
-        def take(data: bytes) -> None:
-            if handle is not None:
-                os.write(handle, data)
-            for publisher in publishers:
-                publisher.raw(k, data)
-
-        return take
-
-    return keep
 
 
 @contextmanager
@@ -342,63 +252,3 @@ def _stopped_by_signals() -> Iterator[threading.Event]:
     finally:
         for number, handler in kept.items():
             signal.signal(number, handler)
-
-
-class _Status:
-    """Line of the newest solution on a terminal, and events above it; without a terminal events only."""
-
-    def __init__(self, line: Any | None) -> None:
-        self._line, self._drawn = line, 0.0
-
-    def solution(self, solution: Solution) -> None:
-        """Solutions are drawn when there is time."""
-
-    def event(self, event: Event) -> None:
-        """Print an event."""
-        when = f"{event.t:.3f} s: " if np.isfinite(event.t) else ""
-        kind = "warning" if event.kind in ("health", "decoder", "late", "clock") else ""
-        text = printable(f"{when}{event.text}")
-        if self._line is None:
-            say(text, kind)
-        else:
-            self._line.console.print(text, style="yellow" if kind else None, markup=False, highlight=False)
-
-    def draw(self, solution: Solution | None, health: Health) -> None:
-        """Draw the line anew, not too often."""
-        now = time.monotonic()
-        if self._line is None or now - self._drawn < _REDRAWN_S:
-            return
-        from rich.text import Text
-
-        self._drawn = now
-        text = Text(health, style=_COLOURS[health])
-        self._line.update(text if solution is None else text.append(status_text(solution), style="default"))
-        self._line.refresh()
-
-
-def status_text(solution: Solution) -> str:
-    """Time, place, speed, heading and their 1-sigma in one line."""
-    lat, lon = (solution.llh[:2] / units.DEG).tolist()
-    north, east, _ = solution.v_eb_n.tolist()
-    horizontal = float(np.hypot(*solution.sigma_r_n[:2]))
-    return (
-        f"  {solution.t:.1f} s  {lat:.7f} {lon:.7f} {solution.llh[2]:.1f} m ±{horizontal:.2f} m"
-        f"  {np.hypot(north, east):.2f} m/s  heading {solution.rpy_nb[2] / units.DEG % 360.0:.1f}°"
-        f" ±{solution.sigma_psi_n[2] / units.DEG:.1f}°"
-    )
-
-
-@contextmanager
-def _status_line(wanted: bool) -> Iterator[_Status]:
-    import sys
-
-    from schuler.cli.output import is_quiet
-
-    if not wanted or is_quiet() or not sys.stderr.isatty():
-        yield _Status(None)
-        return
-    from rich.console import Console
-    from rich.live import Live
-
-    with Live(console=Console(stderr=True), auto_refresh=False, transient=True) as line:
-        yield _Status(line)

@@ -170,101 +170,157 @@ def run_session(
     Nothing that comes over the wire ends the run: what cannot be used is counted and said as an event.
     """
     inbox: queue.Queue[_Arrival] = queue.Queue(_WAITING)
-    summary = Summary()
     threads = [threading.Thread(target=_pump, args=(source, inbox, stop), daemon=True) for source in sources]
-    newest: Solution | None = None
-    interval = 1.0 / rate_hz if rate_hz > 0.0 else 0.0
-    next_t, counted, saved = -math.inf, time.monotonic(), time.monotonic()
-
-    def say(kind: EventKind, text: str) -> None:
-        summary.events += 1
-        event = Event(math.nan if newest is None else newest.t, kind, text)
-        for sink in sinks:
-            sink.event(event)
-
-    def take(messages: Sequence[Message]) -> None:
-        for message in messages:
-            summary.messages[type(message).__name__] += 1
-            for call in on_message:
-                call(message)
-            if isinstance(message, ImuSample):
-                navigator.take(message)
-                show(message.t)
-            elif isinstance(message, ImuBlock):
-                while len(message.t):
-                    due = message.t >= next_t - _SAME * interval
-                    count = int(np.argmax(due)) + 1 if due.any() else len(message.t)
-                    part, message = parted(message, count)
-                    navigator.take(part)
-                    show(float(part.t[-1]))
-            else:
-                navigator.take(message)
-
-    def show(t: float) -> None:
-        nonlocal newest, next_t
-        if next_t - 2.0 * interval <= t < next_t - _SAME * interval:  # earlier: the clock stepped
-            return
-        next_t = (math.floor(t / interval + _SAME) + 1.0) * interval if interval > 0.0 else -math.inf
-        newest = navigator.solution()
-        if newest is not None:
-            summary.solutions += 1
-            for sink in sinks:
-                sink.solution(newest)
-            smoothed = navigator.smoothed() if smoothed_sinks else None
-            if smoothed is not None:
-                for sink in smoothed_sinks:
-                    sink.solution(smoothed)
-
-    def count() -> None:
-        for source in sources:
-            for phrase, number in (source.left_out() - source.reported).items():
-                say("decoder", f"{source.name}: {number} {phrase}")
-            source.reported = source.left_out().copy()
-
+    feed = _Feed(navigator, sinks, smoothed_sinks, on_message, 1.0 / rate_hz if rate_hz > 0.0 else 0.0)
+    reports, savings = _Every(_COUNTED_S), _Every(every_s)
     for thread in threads:
         thread.start()
     running = len(threads)
     try:
         while running and not stop.is_set():
-            try:
-                arrival = inbox.get(timeout=POLL_S)
-            except queue.Empty:
-                arrival = None
+            arrival = _next_arrival(inbox)
             now = time.monotonic()
-            if arrival is not None and arrival.error is not None:
-                raise arrival.error
             if arrival is not None:
-                if isinstance(arrival.piece, str):
-                    say("source", f"{arrival.source.name}: {arrival.piece}")
-                else:
-                    take(_decoded(arrival))
-                    arrival.source.last_s = now
-                if arrival.piece is None:
-                    running -= 1
-                    say("source", f"{arrival.source.name}: ended")
-            for source in sources:
-                if source.decoder is not None and now - source.last_s > _PAUSE_S:
-                    take(source.decoder.pause())
-                    source.last_s = math.inf
-            if now - counted > _COUNTED_S:
-                count()
-                counted = now
-            if on_interval is not None and now - saved > every_s:
+                feed.take_arrival(arrival, now)
+                running -= arrival.piece is None
+            feed.take_pauses(sources, now)
+            if reports.is_due(now):
+                feed.report_left_out(sources)
+            if on_interval is not None and savings.is_due(now):
                 on_interval()
-                saved = now
             if on_idle is not None:
-                on_idle(newest)
+                on_idle(feed.newest)
     finally:
         stop.set()
         while any(thread.is_alive() for thread in threads):
             _drain(inbox)
             time.sleep(0.001)
-    count()
+    feed.report_left_out(sources)
     if on_interval is not None:
         on_interval()
     for source in sources:
-        summary.left_out.update({f"{source.name}: {k}": n for k, n in source.left_out().items()})
-    return summary
+        feed.summary.left_out.update({f"{source.name}: {k}": n for k, n in source.left_out().items()})
+    return feed.summary
+
+
+class _Every:
+    """Something that is due once in so many seconds."""
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds, self._last = seconds, time.monotonic()
+
+    def is_due(self, now: float) -> bool:
+        """Whether it is due, by the machine's own counter; it is done then."""
+        if now - self._last <= self._seconds:
+            return False
+        self._last = now
+        return True
+
+
+class _Feed:
+    """Messages into the navigator, its solutions and events into the sinks, all of it counted.
+
+    Parameters
+    ----------
+    navigator : Navigating
+    sinks, smoothed_sinks : sequence of Sink
+    on_message : sequence of callable
+    interval : float
+        Between two solutions; 0 gives one after every sample. [s]
+    """
+
+    def __init__(
+        self,
+        navigator: Navigating,
+        sinks: Sequence[Sink],
+        smoothed_sinks: Sequence[Sink],
+        on_message: Sequence[Callable[[Message], None]],
+        interval: float,
+    ) -> None:
+        self._navigator, self._sinks, self._smoothed_sinks = navigator, sinks, smoothed_sinks
+        self._on_message, self._interval = on_message, interval
+        self._next_t = -math.inf
+        self.newest: Solution | None = None
+        self.summary = Summary()
+
+    def take_arrival(self, arrival: _Arrival, now: float) -> None:
+        """Take what came of a source: its messages, a sentence about it, its end, or the error that ended it."""
+        if arrival.error is not None:
+            raise arrival.error
+        name = arrival.source.name
+        if isinstance(arrival.piece, str):
+            self._say("source", f"{name}: {arrival.piece}")
+            return
+        self._take(_decoded(arrival))
+        arrival.source.last_s = now
+        if arrival.piece is None:
+            self._say("source", f"{name}: ended")
+
+    def take_pauses(self, sources: Sequence[Source], now: float) -> None:
+        """Take what decoders hold back while more may come, of sources that are silent."""
+        for source in sources:
+            if source.decoder is not None and now - source.last_s > _PAUSE_S:
+                self._take(source.decoder.pause())
+                source.last_s = math.inf
+
+    def report_left_out(self, sources: Sequence[Source]) -> None:
+        """Say what decoders left out since the last time."""
+        for source in sources:
+            for phrase, number in (source.left_out() - source.reported).items():
+                self._say("decoder", f"{source.name}: {number} {phrase}")
+            source.reported = source.left_out().copy()
+
+    def _say(self, kind: EventKind, text: str) -> None:
+        self.summary.events += 1
+        event = Event(math.nan if self.newest is None else self.newest.t, kind, text)
+        for sink in self._sinks:
+            sink.event(event)
+
+    def _take(self, messages: Sequence[Message]) -> None:
+        for message in messages:
+            self.summary.messages[type(message).__name__] += 1
+            for call in self._on_message:
+                call(message)
+            if isinstance(message, ImuBlock):
+                self._take_block(message)
+                continue
+            self._navigator.take(message)
+            if isinstance(message, ImuSample):
+                self._show(message.t)
+
+    def _take_block(self, block: ImuBlock) -> None:
+        """Take samples up to each at which a solution is due."""
+        while len(block.t):
+            due = block.t >= self._next_t - _SAME * self._interval
+            count = int(np.argmax(due)) + 1 if due.any() else len(block.t)
+            part, block = parted(block, count)
+            self._navigator.take(part)
+            self._show(float(part.t[-1]))
+
+    def _show(self, t: float) -> None:
+        """Give the sinks the solution at a sample, if one is due."""
+        interval = self._interval
+        if self._next_t - 2.0 * interval <= t < self._next_t - _SAME * interval:  # earlier: the clock stepped
+            return
+        self._next_t = (math.floor(t / interval + _SAME) + 1.0) * interval if interval > 0.0 else -math.inf
+        self.newest = self._navigator.solution()
+        if self.newest is None:
+            return
+        self.summary.solutions += 1
+        for sink in self._sinks:
+            sink.solution(self.newest)
+        smoothed = self._navigator.smoothed() if self._smoothed_sinks else None
+        if smoothed is not None:
+            for sink in self._smoothed_sinks:
+                sink.solution(smoothed)
+
+
+def _next_arrival(inbox: queue.Queue[_Arrival]) -> _Arrival | None:
+    """What came next, or nothing for so long."""
+    try:
+        return inbox.get(timeout=POLL_S)
+    except queue.Empty:
+        return None
 
 
 def _decoded(arrival: _Arrival) -> Sequence[Message]:

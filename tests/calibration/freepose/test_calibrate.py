@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from schuler.calibration.freepose import calibrate as freepose
+from schuler.calibration.freepose import solution
 from schuler.calibration.freepose.accel import ellipsoid_start, magnitude_residuals, response, sphere_start
 from schuler.calibration.freepose.bias import bias_difference, bias_in_turns
 from schuler.calibration.freepose.calibrate import calibrate_freepose
@@ -281,7 +281,7 @@ def test_covariance_of_gyroscopes_is_the_inverse_of_their_normal_matrix(monkeypa
         fits.append(fit_gyroscopes(*arguments, **keywords))
         return fits[-1]
 
-    monkeypatch.setattr(freepose, "fit_gyroscopes", keep)
+    monkeypatch.setattr(solution, "fit_gyroscopes", keep)
     calibrate_freepose(log_of(noisy(some_errors())), noise=(N_G, N_A), **options)
     sigma = np.sqrt(np.diag(fits[-1].covariance))
     scale = np.outer(sigma, sigma)

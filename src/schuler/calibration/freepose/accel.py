@@ -59,6 +59,15 @@ class AccelFit:
         """J^T W J."""
         return np.asarray(self.inverse_weighted @ self.J)
 
+    @property
+    def log_determinant(self) -> float:
+        """Logarithm of the determinant of the covariance; infinite if it is singular."""
+        d = np.sqrt(np.diag(self.normal))
+        if not (np.isfinite(d).all() and (d > 0.0).all()):
+            return float("inf")
+        sign, value = np.linalg.slogdet(self.normal / np.outer(d, d))
+        return float("inf") if sign <= 0 else float(-value - 2.0 * np.log(d).sum())
+
 
 def response(p: FloatArray) -> FloatArray:
     """I + M_a of nine parameters."""

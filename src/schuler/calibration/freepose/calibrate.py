@@ -2,42 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
-from schuler.calibration.freepose import accel as freepose_accel
-from schuler.calibration.freepose.accel import AccelFit, fit_accelerometers
-from schuler.calibration.freepose.bias import bias_at_rest, bias_difference, bias_in_turns
-from schuler.calibration.freepose.gyro import GyroFit, fit_gyroscopes, rescaled
+from schuler.arrays import ArrayLike
+from schuler.calibration.freepose.bias import bias_difference
 from schuler.calibration.freepose.lost_rates import lost_rates
-from schuler.calibration.freepose.motion import PLACES, MotionFit, fit_motion
-from schuler.calibration.freepose.rests import MARGINS, Rests, pose_means, tedaldi_rests, without_held
-from schuler.calibration.freepose.result import freepose_result, refused_result, undetermined
-from schuler.calibration.freepose.turns import Turns, nominal_scale
-from schuler.calibration.magnetometer.calibrate import estimates_soft_iron, magnetic_means, with_magnetometer
+from schuler.calibration.freepose.rests import candidate_rests, tedaldi_rests, without_held
+from schuler.calibration.freepose.solution import (
+    FEWEST,
+    REDUNDANCY,
+    CalibratedPoses,
+    HandLog,
+    calibrated_poses,
+    solve_part,
+    solve_poses,
+)
+from schuler.calibration.magnetometer.calibrate import estimates_soft_iron
 from schuler.calibration.result.halves import checked, halves_of, tried, without_thirds
 from schuler.calibration.result.parameters import BIAS_G, MATRIX_G, SENSITIVITY
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
-from schuler.standstill.variance_ratio import intervals_below, log_gaps, variance_ratio
 from schuler.units import G0
 
 Bias: TypeAlias = Literal["rest", "estimate"]
 Search: TypeAlias = Literal["auto", "tedaldi"]
-
-#: Fewest poses: the parameters of the accelerometers.
-FEWEST = 9
-#: Largest number of undetermined accelerometer parameters of a result that is not refused.
-MOST_UNDETERMINED = 3
-_FEWEST_TURNS = 6  # good ones left, of which others with lost rates are left out
-#: Fewest poses beyond nine of a result with an undetermined parameter that is not refused.
-REDUNDANCY = 3
 
 
 def calibrate_freepose(
@@ -154,111 +147,55 @@ def calibrate_freepose(
 
     kernels.prepare_freepose()
     if rests == "tedaldi":  # to be compared with other programs, which have none
-        options["g_sensitivity"] = g_sensitivity = bool(g_sensitivity)
+        options["g_sensitivity"] = bool(g_sensitivity)
     imu, held = without_held(imu)
-    rates, interval = imu.rates(), imu.interval
+    rates = imu.rates()
     lost, sentences = lost_rates(rates.t, rates.gyro)
     held += sentences
-    names = _parameter_names(bool(g_sensitivity), size_effect, delay)
+    log = HandLog(imu, rates, lost, gravity, noise, field_strength, options)
 
     # 1. Rests, and the accelerometers from them.
+    factor_a = None if factors is None else factors[0]
     if rests == "tedaldi" and initial_rest_s is not None:
-        factor_a = None if factors is None else factors[0]
         candidates = [
-            tedaldi_rests(rates, interval, gravity, initial_rest_s, factor=factor_a, window_s=window_s, min_s=min_s)
+            tedaldi_rests(
+                rates, rates.interval, gravity, initial_rest_s, factor=factor_a, window_s=window_s, min_s=min_s
+            )
         ]
     else:
-        candidates = _candidate_rests(rates, interval, intervals, initial_rest_s, window_s, min_s)
-    best, largest = _accelerometers(candidates, gravity, None if factors is None else factors[0], noise, robust)
-    if best is None:
-        refused = refused_result(largest, None, factors, gravity, rates, names, options)
+        candidates = candidate_rests(rates, rates.interval, intervals, initial_rest_s, window_s, min_s)
+    poses, largest = calibrated_poses(log, candidates, factor_a)
+    if poses is None:
+        refused = log.refused(largest, None, factors)
         return replace(refused, verdicts=refused.verdicts + held)
 
     # 2. All else in their axes.
-    poses, accel, factor_a = best
-    solved = partial(_solved, imu, rates, gravity=gravity, noise=noise, lost=lost, field=field_strength)
-    result = solved(poses, accel, factor_a, factors, options=options, soft_iron=soft_iron)
+    result = solve_poses(log, poses, factors, soft_iron=soft_iron)
     result = replace(result, verdicts=result.verdicts + held)
     if not halves or rests == "tedaldi" or result.status == "refused":
         return result
 
     # 3. Parts of the rests by themselves, from the solution of all.
-    of_part = options | {"initial_rest_s": None, "g_sensitivity": SENSITIVITY[0] in result.names}
+    return _held_against_parts(result, log, poses)
+
+
+def _held_against_parts(result: CalibrationResult, log: HandLog, poses: CalibratedPoses) -> CalibrationResult:
+    """Third step: the claims held against halves of the rests, or against thirds left out where halves are too few."""
+    options, n = log.options, len(poses.rests)
+    by_force = SENSITIVITY[0] in result.names
+    of_part = replace(log, options=options | {"initial_rest_s": None, "g_sensitivity": by_force})
     start = result.errors.M_g if np.isfinite(result.sigma[[n in MATRIX_G for n in result.names]]).all() else None
 
     def part(which: list[int]) -> CalibrationResult:
-        some = pose_means(rates, interval, np.ascontiguousarray(poses.index[which]), poses.margin)
-        if len(some) < FEWEST:
-            return refused_result(some, None, result.nominal, gravity, rates, names, of_part)
-        sigma = _sigma_f(some, noise, factor_a)
-        fit = fit_accelerometers(factor_a * some.accel, sigma, gravity, robust=robust, start=accel.p)
-        return solved(
-            some, fit, factor_a, result.nominal, options=of_part, soft_iron=estimates_soft_iron(result), start=start
-        )
+        return solve_part(of_part, poses, which, result.nominal, soft_iron=estimates_soft_iron(result), start=start)
 
     apart = {}
-    if gyro_bias == "rest" and initial_rest_s is None and SENSITIVITY[0] not in result.names:
-        variance = result.nominal[1] ** 2 * bias_difference(rates, poses, np.arange(len(poses)) % 2 == 0)
+    if options["gyro_bias"] == "rest" and options["initial_rest_s"] is None and not by_force:
+        variance = result.nominal[1] ** 2 * bias_difference(log.rates, poses.rests, np.arange(n) % 2 == 0)
         apart = {"odd and even rests": dict(zip(BIAS_G, variance.tolist(), strict=True))}
-    return _held_against_parts(result, len(poses), part, apart, lost)
-
-
-def _accelerometers(
-    candidates: Iterable[Rests],
-    gravity: float,
-    nominal: float | None,
-    noise: tuple[ArrayLike, ArrayLike] | None,
-    robust: bool,
-) -> tuple[tuple[Rests, AccelFit, float] | None, Rests | None]:
-    """First step: of several sets of rests the one that determines the accelerometers best.
-
-    Returns
-    -------
-    tuple of (Rests, AccelFit, float), or None
-        That set, the fit and the nominal scale factor; None if no set has enough poses on an ellipsoid.
-    Rests or None
-        The set of most rests.
-    """
-    best: tuple[Rests, AccelFit, float] | None = None
-    largest: Rests | None = None
-    last: tuple[AccelFit, float] | None = None
-    lowest = np.inf
-    p0: FloatArray | None
-    for poses in candidates:
-        if largest is None or len(poses) > len(largest):
-            largest = poses
-        if len(poses) < FEWEST:
-            continue
-        near = last is not None and last[0].converged and last[0].spread == 0.0
-        if near and last is not None:  # nearly the same poses as before
-            p0, factor = last[0].p, last[1]
-        else:
-            factor, p0 = freepose_accel.accel_start(poses.accel, gravity, nominal)
-        if p0 is None:
-            continue
-        sigma = _sigma_f(poses, noise, factor)
-        fit = fit_accelerometers(factor * poses.accel, sigma, gravity, robust=robust, start=p0, near=near)
-        last = (fit, factor)
-        score = _log_determinant(fit)
-        if np.isfinite(score) and score < lowest:
-            best, lowest = (poses, fit, factor), score
-    return best, largest
-
-
-def _held_against_parts(
-    result: CalibrationResult,
-    n: int,
-    part: Callable[[list[int]], CalibrationResult],
-    apart: dict[str, dict[str, float]],
-    lost: IntArray,
-) -> CalibrationResult:
-    """Third step: the claims held against halves of the n rests, or against thirds left out where halves are too few.
-
-    ``apart`` are variances of differences between halves that are known otherwise; ``lost`` are samples that were lost.
-    """
     every = list(range(n))
     causes = [
-        *(["rates were lost in turns: clipped, or spikes"] if len(lost) else []),
+        *(["rates were lost in turns: clipped, or spikes"] if len(log.lost) else []),
         *result.extra.get("bias_causes", []),
     ]
     pairs = {
@@ -269,113 +206,6 @@ def _held_against_parts(
         pairs = without_thirds(result, [of_two[0] for of_two in thirds if of_two])
     needs = f"not compared: it takes twelve rests, eighteen are good, with poses all round; there are {n}"
     return checked(result, pairs, causes=causes, needs=needs, stated=apart)
-
-
-def _solved(
-    imu: ImuSeries,
-    rates: ImuSeries,
-    rests: Rests,
-    accel: AccelFit,
-    factor_a: float,
-    factors: tuple[float, float] | None,
-    gravity: float,
-    noise: tuple[ArrayLike, ArrayLike] | None,
-    options: dict[str, Any],
-    *,
-    lost: IntArray,
-    field: float | None,
-    soft_iron: bool | None,
-    start: FloatArray | None = None,
-) -> CalibrationResult:
-    """All that follows the accelerometers: gyroscopes, magnetometer, result. ``start`` is M_g, if nearly known."""
-    weak = undetermined(accel)
-    if len(weak) > MOST_UNDETERMINED or (weak and len(rests) < FEWEST + REDUNDANCY):
-        names = _parameter_names(bool(options["g_sensitivity"]), options["size_effect"], options["delay"])
-        return refused_result(rests, accel, factors or (factor_a, 1.0), gravity, rates, names, options)
-    result = _with_gyroscopes(imu, rates, rests, accel, factor_a, factors, gravity, noise, options, start, lost)
-    if (magnetic := magnetic_means(rates, rests.index)) is not None:
-        labels = result.residuals["accel"].label
-        result = with_magnetometer(result, rests.accel, *magnetic, labels, field=field, soft_iron=soft_iron)
-    return result
-
-
-def _with_gyroscopes(
-    imu: ImuSeries,
-    rates: ImuSeries,
-    rests: Rests,
-    accel: AccelFit,
-    factor_a: float,
-    factors: tuple[float, float] | None,
-    gravity: float,
-    noise: tuple[ArrayLike, ArrayLike] | None,
-    options: dict[str, Any],
-    start: FloatArray | None,
-    lost: IntArray,
-) -> CalibrationResult:
-    """Second step: gyroscopes in the axes of the calibrated accelerometers, and the result."""
-    # a small weight is a larger noise
-    sigma_f = np.sqrt((_sigma_f(rests, noise, factor_a) ** 2 + accel.spread**2) / accel.weight[:, None])
-    turns = _turns(imu.kind, rates, rests, accel, factor_a, lost)
-    raw_bias = rests.duration @ rests.gyro / rests.duration.sum()
-    gyro: GyroFit | None = None
-    factor_g = 1.0 if factors is None else factors[1]
-    enough = 2 * len(turns.spans) >= _gyro_count(options) and bool(rates.gyro.any())
-    if enough:
-        scale = nominal_scale(turns, raw_bias) if start is None else factor_g
-        factor_g = scale if factors is None else factors[1]
-    if noise is not None:
-        rests = replace(rests, density_g=np.broadcast_to(np.asarray(noise[0], dtype=float), (3,)) / factor_g)
-    bias = bias_at_rest(rates, rests, turns.f, options["initial_rest_s"], options["g_sensitivity"])
-    options = options | {"g_sensitivity": bias.by_force, "g_sensitivity_asked": options["g_sensitivity"]}
-    names = _parameter_names(bias.by_force, options["size_effect"], options["delay"])
-    if enough:
-        of_all_rests = options["initial_rest_s"] is None and not bias.by_force and options["rests"] != "tedaldi"
-        gyro = fit_gyroscopes(
-            turns, rests, accel, sigma_f, factor_g, factor_g * bias.value, factor_g * bias.sigma,
-            estimate_bias=options["gyro_bias"] == "estimate", g_sensitivity=bias.by_force, robust=options["robust"],
-            M=np.eye(3) * (factor_g / scale - 1.0) if start is None else start, near=start is not None,
-            rest_covariance=factor_g**2 * bias.scatter.rests,
-            # that of a turn is the mean of its neighbours; programs to compare with weigh all turns alike
-            wander=0.0 if options["rests"] == "tedaldi" else np.sqrt(0.5) * factor_g * _rms(bias.scatter.sigma),
-            turn_bias=bias_in_turns(bias.scatter, bias.white, turns.pair).scaled(factor_g) if of_all_rests else None,
-        )  # fmt: skip
-        if factors is None and scale != 1.0:
-            gain = np.cbrt(np.linalg.det(np.eye(3) + gyro.M))
-            rounded = float(f"{scale / gain:.4g}")
-            gyro, factor_g = rescaled(gyro, rounded / scale), rounded
-    motion: MotionFit | None = None
-    if gyro is not None and (options["size_effect"] or options["delay"]):
-        N_a = factor_a * rests.density_a if noise is None else np.asarray(noise[1], dtype=float)
-        motion = fit_motion(
-            turns, factor_g, gyro, gravity, (_rms(factor_g * rests.density_g), _rms(N_a)), _rms(sigma_f) / gravity,
-            size_effect=options["size_effect"], delay=options["delay"], robust=options["robust"],
-        )  # fmt: skip
-    result = freepose_result(
-        imu, rests, accel, gyro, motion, turns, (factor_a, factor_g), gravity, sigma_f, bias, names, options
-    )  # fmt: skip
-    return result if rates.gyro.any() else _accelerometers_alone(result)
-
-
-def _accelerometers_alone(result: CalibrationResult) -> CalibrationResult:
-    """The accelerometers of a log that has no gyroscopes."""
-    count = len(freepose_accel.NAMES)
-    verdicts = tuple(v for v in result.verdicts if "yroscope" not in v)
-    weak = any("determined" in v or "redundancy" in v for v in verdicts)
-    return replace(
-        result, names=result.names[:count], values=result.values[:count], covariance=result.covariance[:count, :count],
-        status="warning" if weak else "ok", verdicts=(*verdicts, "The log has no gyroscopes: accelerometers alone."),
-        residuals={"accel": result.residuals["accel"]},
-        extra={k: v for k, v in result.extra.items() if k not in ("bias_causes", "seconds_of_bias", "turns")},
-    )  # fmt: skip
-
-
-def _rms(x: FloatArray) -> float:
-    return float(np.sqrt(np.mean(np.square(x))))
-
-
-def _gyro_count(options: dict[str, Any]) -> int:
-    """Number of parameters that turns must determine."""
-    return 9 + 3 * int(options["gyro_bias"] == "estimate")
 
 
 def check_options(
@@ -411,71 +241,3 @@ def check_options(
     for name, value in (("min_s", min_s), ("window_s", window_s)):
         if not (np.isfinite(value) and value > 0.0):
             raise InputError(f"{name}: expected a positive time, got {value} s")
-
-
-def _candidate_rests(
-    rates: ImuSeries,
-    interval: float,
-    intervals: Sequence[tuple[float, float]] | None,
-    initial_rest_s: float | None,
-    window_s: float,
-    min_s: float,
-) -> list[Rests]:
-    """Different sets of rests, one for each threshold."""
-    if intervals is not None:
-        spans = as_floats(intervals, "intervals", (None, 2))
-        index = np.stack(
-            (np.searchsorted(rates.t, spans[:, 0] - 1e-9), np.searchsorted(rates.t, spans[:, 1] + 1e-9)), axis=1
-        ).astype(np.int64)
-        if (np.diff(index, axis=1) < 20).any() or (index[1:, 0] < index[:-1, 1]).any():
-            raise InputError("intervals: expected rests one after another with 20 samples or more in each")
-        return [pose_means(rates, interval, np.ascontiguousarray(index), float("nan"))]
-    statistic = variance_ratio(rates, interval, window_s, initial_rest_s)
-    gaps = log_gaps(rates.t, interval)
-    out: list[Rests] = []
-    for margin in MARGINS:
-        index = intervals_below(rates.t, interval, gaps, statistic, margin, min_s)
-        if not out or not np.array_equal(index, out[-1].index):
-            out.append(pose_means(rates, interval, index, margin))
-    return out
-
-
-def _sigma_f(rests: Rests, noise: tuple[ArrayLike, ArrayLike] | None, factor: float) -> FloatArray:
-    """1-sigma noise of the pose means, shape (n, 3). [m/s^2]"""
-    N = factor * rests.density_a if noise is None else np.broadcast_to(np.asarray(noise[1], dtype=float), (3,))
-    return np.asarray(N / np.sqrt(rests.duration)[:, None])
-
-
-def _log_determinant(fit: AccelFit) -> float:
-    """Logarithm of the determinant of the covariance; infinite if it is singular."""
-    d = np.sqrt(np.diag(fit.normal))
-    if not (np.isfinite(d).all() and (d > 0.0).all()):
-        return float("inf")
-    sign, value = np.linalg.slogdet(fit.normal / np.outer(d, d))
-    return float("inf") if sign <= 0 else float(-value - 2.0 * np.log(d).sum())
-
-
-def _turns(kind: str, rates: ImuSeries, rests: Rests, accel: AccelFit, factor: float, lost: IntArray) -> Turns:
-    """The log between the poses; turns across a gap of the log are left out, and with lost rates if enough remain."""
-    B = np.linalg.inv(accel.R)
-    f = (factor * rests.accel - accel.p[:3]) @ B.T
-    spans = np.stack((rests.index[:-1, 1] - 1, rests.index[1:, 0]), axis=1)
-    complete = np.ones(len(spans), dtype=bool)
-    for gap in log_gaps(rates.t, rates.interval):
-        complete &= ~((spans[:, 0] <= gap) & (gap < spans[:, 1]))
-    spoiled = np.searchsorted(lost, spans[:, 1]) > np.searchsorted(lost, spans[:, 0])
-    good = complete & ~spoiled
-    if 2 * good.sum() >= complete.sum() and good.sum() >= _FEWEST_TURNS:
-        complete = good
-    pair = np.stack((np.arange(len(spans)), np.arange(1, len(spans) + 1)), axis=1)
-    up = np.asarray(f / np.linalg.norm(f, axis=1, keepdims=True), dtype=np.float64)
-    return Turns(
-        rates.t, rates.gyro, rates.accel, 0.5 if kind == "rate" else 0.0, np.ascontiguousarray(spans[complete]),
-        pair[complete], up, f, np.asarray(factor * B, dtype=np.float64), accel.p[:3] / factor,
-    )  # fmt: skip
-
-
-def _parameter_names(g_sensitivity: bool, size_effect: bool, delay: bool) -> tuple[str, ...]:
-    optional = ((g_sensitivity, SENSITIVITY), (size_effect, PLACES), (delay, ("delay",)))
-    chosen = tuple(name for estimated, family in optional if estimated for name in family)
-    return (*freepose_accel.NAMES, *BIAS_G, *MATRIX_G, *chosen)

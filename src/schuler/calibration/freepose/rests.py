@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from schuler.arrays import BoolArray, FloatArray, IntArray
+from schuler.arrays import BoolArray, FloatArray, IntArray, as_floats
 from schuler.calibration.freepose.accel import accel_start, magnitude_residuals, response
 from schuler.calibration.freepose.weights import median, pseudo_inverse
+from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
-from schuler.standstill.variance_ratio import accel_variance_ratio, intervals_below, log_gaps
+from schuler.standstill.variance_ratio import accel_variance_ratio, intervals_below, log_gaps, variance_ratio
 
 #: Multiples of the variance at rest that are tried, those of Tedaldi's program; the one is kept whose poses determine
 #: the accelerometers best.
@@ -131,6 +133,33 @@ def pose_means(rates: ImuSeries, interval: float, index: IntArray, margin: float
         density.append(np.maximum(N, 1e-14 * max(float(np.abs(mean).max(initial=0.0)), 1e-16)))
     duration = np.asarray((index[:, 1] - index[:, 0]) * interval, dtype=np.float64)
     return Rests(index, means[0], means[1], duration, density[0], density[1], margin)
+
+
+def candidate_rests(
+    rates: ImuSeries,
+    interval: float,
+    intervals: Sequence[tuple[float, float]] | None,
+    initial_rest_s: float | None,
+    window_s: float,
+    min_s: float,
+) -> list[Rests]:
+    """Different sets of rests, one for each threshold, or those that were given."""
+    if intervals is not None:
+        spans = as_floats(intervals, "intervals", (None, 2))
+        index = np.stack(
+            (np.searchsorted(rates.t, spans[:, 0] - 1e-9), np.searchsorted(rates.t, spans[:, 1] + 1e-9)), axis=1
+        ).astype(np.int64)
+        if (np.diff(index, axis=1) < 20).any() or (index[1:, 0] < index[:-1, 1]).any():
+            raise InputError("intervals: expected rests one after another with 20 samples or more in each")
+        return [pose_means(rates, interval, np.ascontiguousarray(index), float("nan"))]
+    statistic = variance_ratio(rates, interval, window_s, initial_rest_s)
+    gaps = log_gaps(rates.t, interval)
+    out: list[Rests] = []
+    for margin in MARGINS:
+        index = intervals_below(rates.t, interval, gaps, statistic, margin, min_s)
+        if not out or not np.array_equal(index, out[-1].index):
+            out.append(pose_means(rates, interval, index, margin))
+    return out
 
 
 def tedaldi_rests(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import InputError
-from schuler.gnss.ionosphere import F_L1, ionosphere_free, klobuchar
+from schuler.gnss.ionosphere import F_B1I, F_L1, ionosphere_free, klobuchar, klobuchar_beidou
 from schuler.gnss.signals import SPEED_OF_LIGHT
 from schuler.units import DEG
 
@@ -60,6 +60,45 @@ def test_other_frequencies_and_times_of_week():
     assert delay(hour=14.0 + 24.0 * 300.0)[0] == pytest.approx(delay(hour=14.0)[0], rel=1e-12)
     together = delay(frequency=np.array([F_L1, F_L1 * 0.75]), elevation=[50.0, 50.0], azimuth=[10.0, 10.0])
     assert together[1] / together[0] == pytest.approx(16.0 / 9.0, rel=1e-14)
+
+
+def beidou(lat=40.0, lon=0.0, elevation=90.0, azimuth=0.0, hour=14.0, frequency=F_B1I, alpha=ALPHA, beta=BETA):
+    llh = np.array([lat * DEG, lon * DEG, 0.0])
+    return klobuchar_beidou(
+        alpha, beta, llh, np.atleast_1d(elevation) * DEG, np.atleast_1d(azimuth) * DEG, hour * 3600.0 + 14.0, frequency
+    )
+
+
+def test_overhead_beidous_model_is_its_cosine_of_local_time_over_a_latitude():
+    """At the zenith the shell is pierced above the receiver; polynomials in semicircles of either hemisphere."""
+    x = 40.0 / 180.0
+    amplitude = ALPHA[0] + ALPHA[1] * x + ALPHA[2] * x**2
+    period = np.clip(BETA[0] + BETA[2] * x**2 + BETA[3] * x**3, 72_000.0, 172_800.0)
+    hours = np.arange(0.0, 24.0, 0.5)
+    values = np.array([beidou(hour=h)[0] for h in hours])
+    phase = (hours - 14.0) * 3600.0
+    cosine = np.where(np.abs(phase) < period / 4.0, np.cos(2.0 * np.pi * phase / period), 0.0)
+    np.testing.assert_allclose(values, NIGHT + SPEED_OF_LIGHT * amplitude * cosine, rtol=1e-12)  # rounding
+    assert beidou(-40.0)[0] == pytest.approx(beidou(40.0)[0], rel=1e-14)
+    assert beidou(lon=90.0, hour=8.0)[0] == pytest.approx(beidou(lon=0.0, hour=14.0)[0], rel=1e-12)
+
+
+def test_beidous_slant_is_that_of_a_shell_at_375_km():
+    elevation = np.array([90.0, 60.0, 30.0, 10.0, 0.0])
+    values = beidou(elevation=elevation, hour=2.0) / NIGHT
+    expected = 1.0 / np.cos(np.arcsin(6378.0 / 6753.0 * np.cos(elevation * DEG)))
+    np.testing.assert_allclose(values, expected, rtol=1e-12)  # rounding
+    assert beidou(frequency=F_B1I / 2.0)[0] == pytest.approx(4.0 * beidou()[0], rel=1e-14)
+
+
+def test_towards_the_south_beidous_shell_is_pierced_nearer_to_the_equator():
+    """Amplitude that falls with latitude: more of it to the south; by the law of sines on the sphere."""
+    psi = 90.0 - 30.0 - np.degrees(np.arcsin(6378.0 / 6753.0 * np.cos(30.0 * DEG)))
+    steep = (5e-8, -1e-7, 0.0, 0.0)
+    slant = beidou(elevation=30.0, hour=2.0)[0] / NIGHT
+    for azimuth, lat in ((0.0, 40.0 + psi), (180.0, 40.0 - psi)):
+        expected = SPEED_OF_LIGHT * (5e-9 + steep[0] + steep[1] * lat / 180.0)
+        assert beidou(elevation=30.0, azimuth=azimuth, alpha=steep)[0] == pytest.approx(slant * expected, rel=1e-12)
 
 
 def test_the_combination_kills_what_goes_with_the_inverse_square():

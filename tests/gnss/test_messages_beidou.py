@@ -50,6 +50,17 @@ def test_elements_come_back_exactly_on_gps_time():
     assert k.accuracy[0] == 2.0
 
 
+def test_the_ionosphere_comes_with_the_clock():
+    alpha, beta = (
+        (10 * 2.0**-30, -12 * 2.0**-27, 5 * 2.0**-24, -3 * 2.0**-24),
+        (61 * 2.0**11, -4 * 2.0**14, 65536.0, 0.0),
+    )
+    stated = {f"alpha{k}": a for k, a in enumerate(alpha)} | {f"beta{k}": b for k, b in enumerate(beta)}
+    e = decoded([subframe(1, **stated)])
+    assert (e.beidou_alpha, e.beidou_beta) == (alpha, beta)
+    assert decoded([subframe(1)]).beidou_alpha is None  # zeros are none
+
+
 def test_the_parity_divides_by_the_generator():
     """BDS-SIS-ICD B1I 3.0, 5.1.3: g(X) = X^4 + X + 1, which itself is a code word, and so are its multiples."""
     assert d1.bch_remainder(0b10011) == 0
@@ -76,8 +87,9 @@ def test_fields_lie_where_the_interface_document_draws_them():
         return 1 << (223 - before)
 
     places = {
-        1: {"health": 43, "aodc": 44, "accuracy": 49, "week": 61, "toc": 74, "tgd1": 99, "tgd2": 109, "af2": 215,
-            "af0": 226, "af1": 258, "issue": 288},
+        1: {"health": 43, "aodc": 44, "accuracy": 49, "week": 61, "toc": 74, "tgd1": 99, "tgd2": 109, "alpha0": 127,
+            "alpha1": 135, "alpha2": 151, "alpha3": 159, "beta0": 167, "beta1": 183, "beta2": 191, "beta3": 199,
+            "af2": 215, "af0": 226, "af1": 258, "issue": 288},
         2: {"delta_n": 43, "cuc": 67, "m0": 93, "e": 133, "cus": 181, "crc": 199, "crs": 225, "sqrt_a": 251,
             "toe_high": 291},
         3: {"toe_low": 43, "i0": 66, "cic": 106, "omega_dot": 132, "cis": 164, "idot": 190, "omega0": 212,

@@ -112,6 +112,19 @@ def test_without_coefficients_a_stand_in_is_used_and_said(sky, plain):
     assert np.all(r.sigma_range > usual.sigma_range)
 
 
+def test_beidous_coefficients_serve_on_request_and_where_there_are_no_others(sky, plain):
+    own = {"beidou_alpha": (3e-8, 0.0, 0.0, 0.0), "beidou_beta": (1e5, 0.0, 0.0, 0.0)}
+    both, alone = replace(sky, **own), replace(sky, klobuchar_alpha=None, klobuchar_beta=None, **own)
+    asked, left = prepare_ranges(plain, both, ionosphere="beidou"), prepare_ranges(plain, alone)
+    usual = prepare_ranges(plain, both)
+    assert np.array_equal(asked.pseudorange, left.pseudorange, equal_nan=True)
+    assert np.array_equal(usual.pseudorange, prepare_ranges(plain, sky).pseudorange, equal_nan=True)
+    assert np.nanmax(np.abs(asked.pseudorange - usual.pseudorange)) > 0.1
+    assert any("those of BeiDou" in note for note in left.notes)
+    with pytest.raises(InputError, match="BDSA and BDSB"):
+        prepare_ranges(plain, sky, ionosphere="beidou")
+
+
 def test_every_reason(sky, plain):
     o, sat = plain, plain.sat
     gps, galileo = sat[sat < 100], sat[sat // 100 == 2]
@@ -277,7 +290,7 @@ def test_no_observation_at_all(sky, plain):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"ionosphere": "nequick"}, "klobuchar, maps, free or none"),
+        ({"ionosphere": "nequick"}, "klobuchar, beidou, maps, free or none"),
         ({"troposphere": "hopfield"}, "saastamoinen or none"),
         ({"systems": "GX"}, "systems: expected letters"),
         ({"systems": ""}, "systems: expected letters"),

@@ -172,10 +172,9 @@ def test_version_3_of_all_systems(read):
     assert nav.klobuchar_beta == (7.9872e4, 6.5536e4, -6.5536e4, -3.9322e5)
     assert nav.galileo_ai == (159.2, -0.04688, 0.01895)
     assert nav.leap_seconds == 18
-    assert nav.notes == (
-        "Messages that are not used: 1 NavIC, 1 SBAS.",
-        "Ionosphere coefficients that are not used: BDSA.",
-    )
+    assert nav.beidou_alpha == (1e-8, 0.0, 0.0, 0.0)
+    assert nav.beidou_beta is None
+    assert nav.notes == ("Messages that are not used: 1 NavIC, 1 SBAS.",)
 
 
 def test_version_4(read):
@@ -196,7 +195,8 @@ def test_version_4(read):
         ("ION G01 LNAV", message("   ", DATE_3, [1e-8, 2e-8, -3e-8, -4e-8, 1e5, 2e5, -3e5, -4e5, 0.0])),
         ("ION G01 LNAV", message("   ", later, [9e-8, 2e-8, -3e-8, -4e-8, 1e5, 2e5, -3e5, -4e5, 0.0])),
         ("ION E11 IFNV", message("   ", DATE_3, [159.2, -0.04688, 0.01895, 0.0])),
-        ("ION C21 D1D2", message("   ", DATE_3, [1e-8, 2e-8, -3e-8, -4e-8, 1e5, 2e5, -3e5, -4e5])),
+        ("ION C21 D1D2", message("   ", DATE_3, [3e-8, 2e-8, -3e-8, 5e-8, 4e5, 2e5, -3e5, -6e5])),
+        ("ION C21 CNVX", message("   ", DATE_3, [1e1, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0])),
     ]
     nav = read(HEAD_4 + "".join(f"> {name}\n{body}" for name, body in blocks))
     k = nav.kepler
@@ -209,12 +209,14 @@ def test_version_4(read):
     assert np.isnan(nav.glonass.sent[0])
     assert nav.klobuchar_alpha == (1e-8, 2e-8, -3e-8, -4e-8)
     assert nav.klobuchar_beta == (1e5, 2e5, -3e5, -4e5)
+    assert nav.beidou_alpha == (3e-8, 2e-8, -3e-8, 5e-8)
+    assert nav.beidou_beta == (4e5, 2e5, -3e5, -6e5)
     assert nav.galileo_ai == (159.2, -0.04688, 0.01895)
     assert nav.notes == (
         "Records that are not used: 1 EOP.",
         "Records that are not used: 1 STO.",
         "Messages that are not used: 1 BeiDou CNV1, 1 GPS CNAV, 1 SBAS SBAS.",
-        "Ionosphere coefficients that are not used: C D1D2.",
+        "Ionosphere coefficients that are not used: C CNVX.",
     )
 
 

@@ -11,12 +11,12 @@ from schuler.exceptions import InputError
 from schuler.frames import llh_from_ecef
 from schuler.gnss.coarse import ReceiverPlace
 from schuler.gnss.ephemerides import Ephemerides
-from schuler.gnss.ionosphere import klobuchar
+from schuler.gnss.ionosphere import klobuchar, klobuchar_beidou
 from schuler.gnss.ionosphere_maps import map_delays
 from schuler.gnss.troposphere import Mapping, saastamoinen
 from schuler.timebase import calendar
 
-Ionosphere = Literal["klobuchar", "maps", "free", "none"]
+Ionosphere = Literal["klobuchar", "beidou", "maps", "free", "none"]
 Troposphere = Literal["saastamoinen", "none"]
 
 #: Coefficients broadcast on 2021-04-28, a quiet Sun, for messages that have none.
@@ -36,7 +36,7 @@ class Atmosphere(NamedTuple):
 def check_models(ionosphere: str, troposphere: str) -> None:
     """Refuse models that there are not."""
     if ionosphere not in get_args(Ionosphere):
-        raise InputError(f"ionosphere: expected klobuchar, maps, free or none, got {ionosphere!r}")
+        raise InputError(f"ionosphere: expected klobuchar, beidou, maps, free or none, got {ionosphere!r}")
     if troposphere not in ("saastamoinen", "none"):
         raise InputError(f"troposphere: expected saastamoinen or none, got {troposphere!r}")
 
@@ -51,8 +51,8 @@ def atmosphere(
         return Atmosphere(none, none, none, [])
     llh = llh_from_ecef(place.r_e)
     delay, notes, sigma = none, list[str](), none
-    if ionosphere == "klobuchar":
-        delay, notes, share = _klobuchar(ephemerides, llh, place, gps_s, frequency_hz)
+    if ionosphere in ("klobuchar", "beidou"):
+        delay, notes, share = _broadcast(ephemerides, llh, place, gps_s, frequency_hz, beidou=ionosphere == "beidou")
         sigma = remains * share * delay
     elif ionosphere == "maps":
         delay, sigma, notes = _by_maps(ephemerides, llh, place, gps_s, frequency_hz, remains)
@@ -62,16 +62,29 @@ def atmosphere(
     return Atmosphere(delay, wet, sigma, notes)
 
 
-def _klobuchar(
-    ephemerides: Ephemerides, llh: FloatArray, place: ReceiverPlace, gps_s: FloatArray, frequency_hz: FloatArray
-) -> tuple[FloatArray, list[str], float]:
-    alpha, beta, notes, share = ephemerides.klobuchar_alpha, ephemerides.klobuchar_beta, [], 1.0
-    if alpha is None or beta is None:
-        alpha, beta, share = STAND_IN_ALPHA, STAND_IN_BETA, 2.0
-        notes.append(
-            "the messages have no Klobuchar coefficients: those of 2021-04-28 stand in, at twice the usual uncertainty"
+def _broadcast(
+    ephemerides: Ephemerides, llh: FloatArray, place: ReceiverPlace, gps_s: FloatArray, frequency_hz: FloatArray,
+    *, beidou: bool = False,
+) -> tuple[FloatArray, list[str], float]:  # fmt: skip
+    """Delays by broadcast coefficients, GPS's or BeiDou's, else by those of a quiet day; notes, share of 1-sigma."""
+    e, at = ephemerides, (llh, place.elevation, place.azimuth, gps_s, frequency_hz)
+    gps = (e.klobuchar_alpha, e.klobuchar_beta)
+    own = (e.beidou_alpha, e.beidou_beta)
+    if None in own and beidou:
+        raise InputError(
+            'ionosphere: "beidou" needs BeiDou\'s coefficients among the ephemerides (RINEX: BDSA and BDSB), and there '
+            'are none; take "klobuchar"'
         )
-    return klobuchar(alpha, beta, llh, place.elevation, place.azimuth, gps_s, frequency_hz), notes, share
+    if own[0] is not None and own[1] is not None and (beidou or None in gps):
+        notes = [] if beidou else ["the messages have no Klobuchar coefficients of GPS: those of BeiDou, by its model"]
+        return klobuchar_beidou(own[0], own[1], *at), notes, 1.0
+    if gps[0] is not None and gps[1] is not None:
+        return klobuchar(gps[0], gps[1], *at), [], 1.0
+    return (
+        klobuchar(STAND_IN_ALPHA, STAND_IN_BETA, *at),
+        ["the messages have no Klobuchar coefficients: those of 2021-04-28 stand in, at twice the usual uncertainty"],
+        2.0,
+    )
 
 
 def _by_maps(
@@ -94,7 +107,7 @@ def _by_maps(
             f"ionosphere: the maps are of {_date(maps.t[0])} to {_date(maps.t[-1])} GPS, or have no value there; the "
             f"observations begin at {_date(gps_s[0])}; give the IONEX file of that day"
         )
-    model, notes, share = _klobuchar(ephemerides, llh, place, gps_s, frequency_hz)
+    model, notes, share = _broadcast(ephemerides, llh, place, gps_s, frequency_hz)
     notes.append(f"{int(outside.sum())} of {len(delay)} ranges are outside of the ionosphere's maps: Klobuchar's model")
     return np.where(outside, model, delay), np.where(outside, remains * share * model, sigma), notes
 

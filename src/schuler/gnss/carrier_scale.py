@@ -1,6 +1,8 @@
-"""Check of carrier phases against the code of their signal: unit, sign and band."""
+"""Check of carrier phases and range rates against the code of their signal: unit, sign and band."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +14,7 @@ _PAUSE_S = 10.0  # over which a change is taken [s]
 _CLEAR = 30.0  # change of a range from epoch to epoch, far beyond the noise of code [m]
 _FEWEST = 6  # changes
 _ENOUGH = 300.0  # typical change times the root of their number: 5 m of noise then move the median by 1.7 % [m]
+_FAR_OFF = 0.5  # of the quotient of a range rate and its code's, from one
 _WITHIN = 0.03  # bands 2 and 5 differ by 4 %; noise moves the median of many changes by much less
 
 
@@ -77,3 +80,49 @@ def check_carrier_scale(o: Observations, system: str, signal: str, name: str) ->
         f"{name}: the carrier of {SYSTEM_NAMES[system]} {signal} changes {scale:.3f} times as much as its code; "
         f"expected 1 with cycles of {100.0 * length[0]:.1f} cm that grow with the range; these look like {cause}"
     )
+
+
+def without_wrong_rates(o: Observations, systems: str) -> tuple[Observations, list[str]]:
+    """Leave out range rates of signals whose codes change otherwise: Doppler shifts of the other sign, or in m/s.
+
+    Parameters
+    ----------
+    o : Observations
+    systems : str
+        Letters of the systems used.
+
+    Returns
+    -------
+    observations : Observations
+        Without range rates where the median of their quotient with the pseudoranges' own rate is not 1 to a half.
+    notes : list of str
+        What was left out.
+    """
+    rows = np.flatnonzero(np.isfinite(o.range_rate) & np.isfinite(o.pseudorange))
+    rows = rows[np.lexsort((o.t[rows], o.sat[rows], o.signal[rows]))]
+    a, b = rows[:-1], rows[1:]
+    code, dt = o.pseudorange[b] - o.pseudorange[a], o.t[b] - o.t[a]
+    clear = (o.sat[a] == o.sat[b]) & (o.signal[a] == o.signal[b]) & (dt < _PAUSE_S) & (np.abs(code) > _CLEAR)
+    a, b, code = a[clear], b[clear], code[clear]
+    quotient = 0.5 * (o.range_rate[a] + o.range_rate[b]) * dt[clear] / code
+    wrong, notes = np.zeros(len(o.t), dtype=bool), list[str]()
+    system = o.sat // 100
+    for letter in systems:
+        for k, signal in enumerate(o.signals):
+            mine = (system[a] == SYSTEMS.index(letter)) & (o.signal[a] == k)
+            n = int(np.sum(mine))
+            if n < _FEWEST or np.median(np.abs(code[mine])) * np.sqrt(n) < _ENOUGH:
+                continue
+            scale = float(np.median(quotient[mine]))
+            if abs(scale - 1.0) <= _FAR_OFF:
+                continue
+            wrong |= (system == SYSTEMS.index(letter)) & (o.signal == k)
+            length = float(np.median(wavelengths(o.sat[a[mine]], signal)))
+            cause = "of the other sign" if scale < 0.0 else "in another unit"
+            cause += " and in m/s, not Hz" if abs(abs(scale) / length - 1.0) < _WITHIN and scale < 0.0 else ""
+            notes.append(
+                f"range rates of {SYSTEM_NAMES[letter]} {signal} are {scale:.2f} times what their pseudoranges change "
+                f"by, and were left out; these look like Doppler shifts {cause} (expected in Hz, positive for a "
+                "satellite that approaches)"
+            )
+    return (replace(o, range_rate=np.where(wrong, np.nan, o.range_rate)) if notes else o), notes

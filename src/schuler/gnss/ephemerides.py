@@ -146,6 +146,8 @@ class Ephemerides:
     ionosphere_maps : IonosphereMaps, optional
     code_biases : CodeBiases, optional
         Instead of group delays, beside precise clocks.
+    beidou_alpha, beidou_beta : tuple of float, optional
+        BeiDou's eight ionosphere coefficients. [s, s/semicircle, ...]
     """
 
     kepler: KeplerRecords
@@ -160,6 +162,8 @@ class Ephemerides:
     antennas: tuple[Antenna, ...] = ()
     ionosphere_maps: IonosphereMaps | None = None
     code_biases: CodeBiases | None = None
+    beidou_alpha: tuple[float, float, float, float] | None = None
+    beidou_beta: tuple[float, float, float, float] | None = None
 
     def merged_with(self, other: Ephemerides) -> Ephemerides:
         """Records of both; constants of this one, and of the other where this has none."""
@@ -176,6 +180,8 @@ class Ephemerides:
             self.antennas + other.antennas,
             _merged(self.ionosphere_maps, other.ionosphere_maps),
             _merged(self.code_biases, other.code_biases),
+            self.beidou_alpha or other.beidou_alpha,
+            self.beidou_beta or other.beidou_beta,
         )
 
     def possible(self) -> tuple[Ephemerides, tuple[IntArray, IntArray]]:

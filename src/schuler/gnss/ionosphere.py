@@ -1,4 +1,4 @@
-"""Ionosphere: Klobuchar's model of GPS, and the combination of two frequencies that is free of it."""
+"""Ionosphere: Klobuchar's model of GPS and of BeiDou, and the combination of two frequencies that is free of it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from schuler.exceptions import InputError
 from schuler.gnss.signals import SPEED_OF_LIGHT
 
 F_L1 = 1575.42e6  # frequency of the model's delay [Hz]
+F_B1I = 1561.098e6  # the same of BeiDou's [Hz]
 DAY_S = 86_400.0
+_EARTH_KM, _SHELL_KM = 6378.0, 375.0  # of BeiDou's model
+_BDT_BEHIND_GPS_S = 14.0
 
 
 def klobuchar(
@@ -66,6 +69,57 @@ def klobuchar(
     day = np.where(np.abs(x) < 1.57, amplitude * (1.0 - x**2 / 2.0 + x**4 / 24.0), 0.0)
     scale = (F_L1 / np.asarray(frequency_hz, dtype=np.float64)) ** 2
     return np.asarray(SPEED_OF_LIGHT * slant * (5e-9 + day) * scale)
+
+
+def klobuchar_beidou(
+    alpha: tuple[float, float, float, float],
+    beta: tuple[float, float, float, float],
+    llh: ArrayLike,
+    elevation: ArrayLike,
+    azimuth: ArrayLike,
+    gps_s: ArrayLike,
+    frequency_hz: ArrayLike = F_B1I,
+) -> FloatArray:
+    """Ionospheric delay of a code measurement by BeiDou's eight broadcast parameters.
+
+    Parameters
+    ----------
+    alpha, beta : tuple of 4 floats
+        Amplitude [s, s/semicircle, ...] and period [s, s/semicircle, ...] as messages D1 and D2 have them.
+    llh, elevation, azimuth, gps_s, frequency_hz
+        As for :func:`klobuchar`; the delay is that of B1I elsewhere scaled.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Positive. [m]
+
+    Notes
+    -----
+    Unlike GPS's the shell is at 375 km and pierced by geometry, the polynomials are of the geographic latitude's size,
+    the cosine is a cosine, periods stay within 20 to 48 hours, and the slant is that of a sphere.
+
+    References
+    ----------
+    BDS-SIS-ICD B1I 3.0, section 5.2.4.7.
+    """
+    llh = np.asarray(llh, dtype=np.float64)
+    lat, lon = llh[..., 0], llh[..., 1]
+    E = np.maximum(np.asarray(elevation, dtype=np.float64), 0.0)
+    A = np.asarray(azimuth, dtype=np.float64)
+    sin_zenith = _EARTH_KM / (_EARTH_KM + _SHELL_KM) * np.cos(E)  # at the shell
+    psi = 0.5 * np.pi - E - np.arcsin(sin_zenith)
+    pierce_lat = np.arcsin(np.sin(lat) * np.cos(psi) + np.cos(lat) * np.sin(psi) * np.cos(A))
+    pierce_lon = lon + np.arcsin(np.sin(psi) * np.sin(A) / np.cos(pierce_lat))
+    seconds = np.asarray(gps_s, dtype=np.float64) - _BDT_BEHIND_GPS_S
+    local = (seconds + 0.5 * DAY_S * pierce_lon / np.pi) % DAY_S
+    semicircles = np.abs(pierce_lat) / np.pi
+    amplitude = np.maximum(np.polynomial.polynomial.polyval(semicircles, alpha), 0.0)
+    period = np.clip(np.polynomial.polynomial.polyval(semicircles, beta), 72_000.0, 172_800.0)
+    x = local - 50_400.0
+    day = np.where(np.abs(x) < 0.25 * period, amplitude * np.cos(2.0 * np.pi * x / period), 0.0)
+    scale = (F_B1I / np.asarray(frequency_hz, dtype=np.float64)) ** 2
+    return np.asarray(SPEED_OF_LIGHT * (5e-9 + day) * scale / np.sqrt(1.0 - sin_zenith**2))
 
 
 def ionosphere_free(

@@ -95,3 +95,15 @@ def kepler_records(rows: Sequence[Mapping[str, Any]]) -> KeplerRecords:
     if not rows:
         return no_kepler()
     return KeplerRecords(**{f.name: np.array([row[f.name] for row in rows]) for f in fields(KeplerRecords)})
+
+
+def ionosphere_of(
+    part: Mapping[str, float] | None,
+) -> tuple[tuple[float, float, float, float] | None, tuple[float, float, float, float] | None]:
+    """Klobuchar's coefficients, fields ``alpha0`` to ``beta3``; nothing where there is no message, or zeros."""
+    if part is None:
+        return None, None
+    a, b = ([part[f"{name}{k}"] for k in range(4)] for name in ("alpha", "beta"))
+    if not any(a) or not any(b):
+        return None, None
+    return (a[0], a[1], a[2], a[3]), (b[0], b[1], b[2], b[3])

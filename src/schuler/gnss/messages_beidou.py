@@ -13,7 +13,16 @@ import numpy as np
 from schuler.arrays import ArrayLike
 from schuler.exceptions import InputError
 from schuler.gnss.ephemerides import Ephemerides, no_glonass
-from schuler.gnss.message_fields import SEMICIRCLE, Field, accuracy_of_index, kepler_records, nearest, unpack, weeks_off
+from schuler.gnss.message_fields import (
+    SEMICIRCLE,
+    Field,
+    accuracy_of_index,
+    ionosphere_of,
+    kepler_records,
+    nearest,
+    unpack,
+    weeks_off,
+)
 from schuler.timebase import WEEK_S
 
 #: BeiDou time is behind GPS time by the leap seconds of 2006. [s]
@@ -29,7 +38,10 @@ _HEAD: tuple[Field, ...] = (
 _SUBFRAMES: dict[int, tuple[Field, ...]] = {
     1: (
         ("health", 1, False, 1), ("aodc", 5, False, 1), ("accuracy", 4, False, 1), ("week", 13, False, 1),
-        ("toc", 17, False, 8.0), ("tgd1", 10, True, 1e-10), ("tgd2", 10, True, 1e-10), ("", 64, False, 1),
+        ("toc", 17, False, 8.0), ("tgd1", 10, True, 1e-10), ("tgd2", 10, True, 1e-10),
+        ("alpha0", 8, True, 2.0**-30), ("alpha1", 8, True, 2.0**-27), ("alpha2", 8, True, 2.0**-24),
+        ("alpha3", 8, True, 2.0**-24), ("beta0", 8, True, 2.0**11), ("beta1", 8, True, 2.0**14),
+        ("beta2", 8, True, 2.0**16), ("beta3", 8, True, 2.0**16),
         ("af2", 11, True, 2.0**-66), ("af0", 24, True, 2.0**-33), ("af1", 22, True, 2.0**-50), ("issue", 5, False, 1),
     ),
     2: (
@@ -62,7 +74,7 @@ def ephemerides_of_d1(sat: ArrayLike, words: ArrayLike, near_gps_s: ArrayLike) -
     Returns
     -------
     Ephemerides
-        With no ionosphere: BeiDou's eight parameters are of a model of its own.
+        With the ionosphere's eight parameters that came last.
 
     Raises
     ------
@@ -80,6 +92,7 @@ def ephemerides_of_d1(sat: ArrayLike, words: ArrayLike, near_gps_s: ArrayLike) -
         raise InputError(f"D1: expected n satellites, n x 10 words and n times, got {words.shape} and {near.shape}")
     parts: dict[int, dict[int, dict[str, float]]] = {}
     rows: dict[tuple[int, float, float, int], dict[str, Any]] = {}
+    ionosphere: dict[str, float] | None = None
     wrong = other_week = 0
     for s, ten, time in zip(sat.tolist(), words.tolist(), near.tolist(), strict=True):
         message = checked_message(ten)
@@ -98,6 +111,8 @@ def ephemerides_of_d1(sat: ArrayLike, words: ArrayLike, near_gps_s: ArrayLike) -
         if number == 1 and weeks_off(part["week"] + _FIRST_WEEK, 13, part["sent"] - BEHIND_GPS_S) != 0:
             other_week += 1
             continue
+        if number == 1:
+            ionosphere = part
         held = parts.setdefault(s, {})
         held[number] = part
         first = held.get(1, {}).get("sent", -WEEK_S)
@@ -109,7 +124,10 @@ def ephemerides_of_d1(sat: ArrayLike, words: ArrayLike, near_gps_s: ArrayLike) -
         notes.append(f"BeiDou D1: {wrong} subframes with a wrong parity or preamble were left out.")
     if other_week:
         notes.append(f"BeiDou D1: {other_week} subframes of another week than the receiver's were left out.")
-    return Ephemerides(kepler_records(list(rows.values())), no_glonass(), notes=tuple(notes))
+    alpha, beta = ionosphere_of(ionosphere)
+    return Ephemerides(
+        kepler_records(list(rows.values())), no_glonass(), notes=tuple(notes), beidou_alpha=alpha, beidou_beta=beta
+    )
 
 
 def checked_message(words: Sequence[int]) -> int | None:

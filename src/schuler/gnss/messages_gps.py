@@ -18,6 +18,7 @@ from schuler.gnss.message_fields import (
     Field,
     accuracy_of_index,
     bits_of,
+    ionosphere_of,
     kepler_records,
     nearest,
     unpack,
@@ -131,10 +132,7 @@ def ephemerides_of_lnav(sat: ArrayLike, words: ArrayLike, near_gps_s: ArrayLike)
         notes.append(f"LNAV: {wrong} subframes with a wrong parity or preamble were left out.")
     if other_week:
         notes.append(f"LNAV: {other_week} subframes of another week than the receiver's were left out.")
-    alpha = beta = None
-    if ionosphere is not None:
-        alpha = (ionosphere["alpha0"], ionosphere["alpha1"], ionosphere["alpha2"], ionosphere["alpha3"])
-        beta = (ionosphere["beta0"], ionosphere["beta1"], ionosphere["beta2"], ionosphere["beta3"])
+    alpha, beta = ionosphere_of(ionosphere)
     kepler = kepler_records(list(rows.values()))
     return Ephemerides(kepler, no_glonass(), alpha, beta, None, leap_seconds, tuple(notes))
 

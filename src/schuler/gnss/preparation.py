@@ -12,6 +12,7 @@ from schuler.exceptions import InputError
 from schuler.gnss.antennas import Antenna, phase_delays
 from schuler.gnss.atmosphere import Ionosphere, Troposphere, atmosphere, check_models
 from schuler.gnss.carrier import begin_arcs
+from schuler.gnss.carrier_scale import without_wrong_rates
 from schuler.gnss.coarse import ReceiverPlace, epoch_medians, receiver_place
 from schuler.gnss.code_biases import biases_at
 from schuler.gnss.ephemerides import Ephemerides
@@ -70,8 +71,9 @@ def prepare_ranges(
         Preferred signals by system, see :func:`schuler.gnss.signal_choice.choose_signals`.
     systems : str
         Letters of the systems to use.
-    ionosphere : {"klobuchar", "maps", "free", "none"}
-        Model with GPS's coefficients for all systems and frequencies; maps of the ephemerides, and that model where
+    ionosphere : {"klobuchar", "beidou", "maps", "free", "none"}
+        Model with GPS's coefficients for all systems and frequencies, BeiDou's with its own (taken where GPS's are
+        missing, too); maps of the ephemerides, and that model where
         they have no value; combination of two frequencies; nothing.
     troposphere : {"saastamoinen", "none"}
     mapping, humidity
@@ -104,7 +106,9 @@ def prepare_ranges(
 
     Notes
     -----
-    Whole milliseconds by which the receiver sets its clock are found and taken out (noted). Times are corrected by the
+    Range rates of signals whose codes change otherwise are left out
+    (:func:`~schuler.gnss.carrier_scale.without_wrong_rates`). Whole milliseconds by which the receiver sets its clock
+    are found and taken out (noted). Times are corrected by the
     receiver clock, rounded to a microsecond. Range rates get the satellite's clock rate and the term
     ``u . v_sat rate / c`` (3 mm/s at most) by which a second of transmission differs from one of reception; the
     atmosphere's rate of change (about 1 mm/s) is left in.
@@ -114,6 +118,7 @@ def prepare_ranges(
     budget = weighting if isinstance(weighting, Weighting) else Weighting(scheme=weighting)
     channels = dict(zip(ephemerides.glonass.sat.tolist(), ephemerides.glonass.channel.tolist(), strict=True))
     free = ionosphere == "free"
+    observations, rate_notes = without_wrong_rates(observations, letters)
     c = choose_signals(observations, signals=signals, pairs=free, systems=letters, glonass_channels=channels)
     selected = np.isin(c.sat // 100, [SYSTEMS.index(x) for x in letters])
     measured = np.isfinite(c.pseudorange).any(axis=1) | np.isfinite(c.range_rate) | ~selected
@@ -156,7 +161,16 @@ def prepare_ranges(
         reason[when] = number
     t, time_notes = reception_times(epochs, clock.offset)
     group, groups = _clocks(c.sat, reason != 7)
-    notes = (*c.notes, *_precise_notes(ephemerides), *bias_notes, *place.notes, *clock.notes, *air.notes, *time_notes)
+    notes = (
+        *c.notes,
+        *rate_notes,
+        *_precise_notes(ephemerides),
+        *bias_notes,
+        *place.notes,
+        *clock.notes,
+        *air.notes,
+        *time_notes,
+    )
     return Ranges(
         t[epoch], c.sat, group, groups, states.r_e, states.v_e, corrected - clock.steps[epoch] * MILLISECOND,
         clock.rate, sigma_range, sigma_rate, place.elevation, place.azimuth, c.cn0, reason, notes, phase,

@@ -47,8 +47,10 @@ def _check_ranges(config: NavigationConfig) -> None:
             f'gnss.tight.carrier: expected "off" for a live run, got "{tight.carrier}": it takes ranges '
             "and range rates; navigate the log"
         )
-    if tight.ionosphere == "maps":
-        raise ConfigError('gnss.tight.ionosphere: a live run has no maps; expected "klobuchar", "free" or "none"')
+    if tight.ionosphere in ("maps", "beidou"):
+        raise ConfigError(
+            f'gnss.tight.ionosphere: expected "klobuchar", "free" or "none" for a live run, got "{tight.ionosphere}"'
+        )
     if tight.antenna is not None and tight.antenna.strip().lower() != "none":
         raise ConfigError(
             f'gnss.tight.antenna: a live run takes out no phase centres, and got "{tight.antenna}"; leave it out'

@@ -83,12 +83,17 @@ class LiveSatellites:
     def learn(self, ephemerides: Ephemerides) -> None:
         """Take navigation messages, the newest of a kind in place of the one before."""
         e = ephemerides  # without what is computed after the fact
-        new = Ephemerides(e.kepler, e.glonass, e.klobuchar_alpha, e.klobuchar_beta)
+        new = Ephemerides(
+            e.kepler, e.glonass, e.klobuchar_alpha, e.klobuchar_beta, beidou_alpha=e.beidou_alpha,
+            beidou_beta=e.beidou_beta,
+        )  # fmt: skip
         both = self.ephemerides.merged_with(new)
         self.ephemerides = replace(
             both.distinct(_KEPT_S),
             klobuchar_alpha=new.klobuchar_alpha or both.klobuchar_alpha,
             klobuchar_beta=new.klobuchar_beta or both.klobuchar_beta,
+            beidou_alpha=new.beidou_alpha or both.beidou_alpha,
+            beidou_beta=new.beidou_beta or both.beidou_beta,
         )
 
     def take(self, message: SatelliteEpoch) -> tuple[Epoch, list[str]]:
@@ -176,6 +181,7 @@ class LiveSatellites:
         return {
             "kepler": _plain(e.kepler), "glonass": _plain(e.glonass),
             "klobuchar": None if e.klobuchar_alpha is None else [*e.klobuchar_alpha, *(e.klobuchar_beta or ())],
+            "beidou": None if e.beidou_alpha is None else [*e.beidou_alpha, *(e.beidou_beta or ())],
             "place": self._place,
             "epochs": [
                 {
@@ -188,10 +194,12 @@ class LiveSatellites:
 
     def restore(self, document: dict[str, Any]) -> None:
         """Go on from a :meth:`document`."""
-        k = document["klobuchar"]
+        k, c = document["klobuchar"], document.get("beidou")
         self.ephemerides = Ephemerides(
             KeplerRecords(**document["kepler"]), GlonassRecords(**document["glonass"]),
             None if k is None else tuple(k[:4]), tuple(k[4:]) if k and len(k) == 8 else None,
+            beidou_alpha=None if c is None else tuple(c[:4]),
+            beidou_beta=tuple(c[4:]) if c and len(c) == 8 else None,
         )  # fmt: skip
         self._place = document["place"]
         self.epochs = [

@@ -170,7 +170,7 @@ def _claims_too_small(result: NavigationResult) -> float:
     sizes = []
     for code in (POSITION, VELOCITY, PSEUDORANGE):
         own = of_kind(inn, code)
-        own = own.where(np.isfinite(own.nis))
+        own = own.where(own.nis >= 0.0)  # a covariance that broke down has negative ones
         if len(own) >= LEAST:
             sizes.append(float(np.sqrt(np.median(own.nis) / gate_threshold(0.5, int(own.freedom[0])))))
     # wrong claims of a receiver are wrong throughout; elsewhere positions and velocities suffer differently

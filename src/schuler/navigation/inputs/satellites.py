@@ -295,6 +295,13 @@ def with_whole_arcs(ranges: Ranges, solution: PointSolution, sigma: float, notes
     ok = np.flatnonzero(solution.ok)
     near = np.column_stack([np.interp(ranges.t, solution.t[ok], solution.r_e[ok, i]) for i in range(3)])
     if not len(carrier_changes(ranges, sigma).now):
+        if np.isfinite(ranges.carrier_range[ranges.used]).sum() > len(np.unique(ranges.sat[ranges.used])):
+            raise InputError(
+                'gnss.tight.carrier = "time-differenced" or "rtk" needs carrier phases that go on from one epoch to '
+                "the next, at most 10 s later: in this log every one is marked as having lost lock (RINEX's indicator "
+                "is odd throughout), or epochs are further apart; clear the indicator if the receiver sets it always, "
+                "or set carrier to off"
+            )
         raise InputError(
             'gnss.tight.carrier = "time-differenced" or "rtk" needs carrier phases of a satellite at two epochs in a '
             "row, and there are none: give observations with carriers (RINEX types L), or set it to off"

@@ -24,7 +24,11 @@ from schuler.recording.formats.rinex_records import Records, dates, fields, reco
 from schuler.timebase import WEEK_S
 
 #: Header names of ionospheric coefficients: ours, and how many there are.
-_COEFFICIENTS = {"GPSA": ("alpha", 4), "GPSB": ("beta", 4), "GAL": ("galileo", 3)}
+_COEFFICIENTS = {
+    "GPSA": ("alpha", 4), "GPSB": ("beta", 4), "GAL": ("galileo", 3), "BDSA": ("BeiDou alpha", 4),
+    "BDSB": ("BeiDou beta", 4),
+}  # fmt: skip
+_ION_MESSAGES = ("G LNAV", "E IFNV", "C D1D2")
 _KM = 1e3
 _DAY_S = 86_400.0
 _NOT_KNOWN = 0.9999e9  # what a time of transmission is said to be when it is not known
@@ -77,7 +81,7 @@ def read_rinex_navigation(path: Path | str) -> Ephemerides:
     for system in "GECJ":
         orbits = orbits.merged_with(Ephemerides(kepler_records(file, records.of(system), system), no_glonass()))
     ionosphere = _ionosphere(file, records.ionosphere)
-    alpha, beta, galileo = (ionosphere.get(name) for name in ("alpha", "beta", "galileo"))
+    alpha, beta, galileo, c_alpha, c_beta = (ionosphere.get(name) for name, _ in _COEFFICIENTS.values())
     return Ephemerides(
         orbits.kepler,
         orbits.glonass,
@@ -86,6 +90,8 @@ def read_rinex_navigation(path: Path | str) -> Ephemerides:
         (galileo[0], galileo[1], galileo[2]) if galileo else None,
         broadcast_leap_seconds(file),
         tuple(file.notes),
+        beidou_alpha=(c_alpha[0], c_alpha[1], c_alpha[2], c_alpha[3]) if c_alpha else None,
+        beidou_beta=(c_beta[0], c_beta[1], c_beta[2], c_beta[3]) if c_beta else None,
     )
 
 
@@ -102,7 +108,7 @@ def _ionosphere(file: RinexFile, messages: list[tuple[str, int]]) -> dict[str, t
         else:
             others.append(text[:4].strip())
     for message, line in messages:
-        if message in ("G LNAV", "E IFNV"):
+        if message in _ION_MESSAGES:
             stated += _of_message(file, message, line)
         else:
             others.append(message)
@@ -122,7 +128,8 @@ def _ionosphere(file: RinexFile, messages: list[tuple[str, int]]) -> dict[str, t
 
 def _of_message(file: RinexFile, message: str, line: int) -> list[tuple[str, tuple[float, ...] | None]]:
     """Coefficients of an ionospheric message of version 4: three on the line of the date, then four on each."""
-    needed = 3 if message == "G LNAV" else 1
+    needed = 1 if message == "E IFNV" else 3
+    owner = "BeiDou " if message == "C D1D2" else ""
     if line + needed > len(file):
         return []
     first = numbers_in(file.text(line).ljust(80), 19, 3, first=23)
@@ -131,8 +138,8 @@ def _of_message(file: RinexFile, message: str, line: int) -> list[tuple[str, tup
     second = numbers_in(file.text(line + 1).ljust(80), 19, 4, first=4)
     third = numbers_in(file.text(line + 2).ljust(80), 19, 1, first=4)
     if first is None or second is None or third is None:
-        return [("alpha", None), ("beta", None)]
-    return [("alpha", (*first, second[0])), ("beta", (*second[1:], *third))]
+        return [(f"{owner}alpha", None), (f"{owner}beta", None)]
+    return [(f"{owner}alpha", (*first, second[0])), (f"{owner}beta", (*second[1:], *third))]
 
 
 def glonass_channels(ephemerides: Ephemerides) -> dict[int, int]:

@@ -27,6 +27,9 @@ LATER = frozenset({"lock", "carrier_range", "arc", "wavelength"})
 _AXES = ("x", "y", "z")
 _WIDTH = MappingProxyType({"group_delay": 2, "r_e": 3, "v_e": 3, "a_e": 3, "r_sat_e": 3, "v_sat_e": 3})
 _PLACES = ("position_e", "station_e", "eccentricity_n")
+_COEFFICIENTS = MappingProxyType(
+    {"klobuchar_alpha": 4, "klobuchar_beta": 4, "galileo_ai": 3, "beidou_alpha": 4, "beidou_beta": 4}
+)
 _CONSTANTS = frozenset({"signals", "groups", "notes", "epoch_gps_s", "glonass_channels", "antenna", *_PLACES})
 _UNIT_OF_FIELD = MappingProxyType(
     {
@@ -117,7 +120,7 @@ def constants(recording: Recording) -> dict[str, Any]:
         values["ephemerides"] = {
             "kepler_rows": len(e.kepler),
             "glonass_rows": len(e.glonass),
-            **{name: _listed(getattr(e, name)) for name in ("klobuchar_alpha", "klobuchar_beta", "galileo_ai")},
+            **{name: _listed(getattr(e, name)) for name in _COEFFICIENTS},
             "leap_seconds": e.leap_seconds,
             "notes": list(e.notes),
         }
@@ -161,9 +164,10 @@ def unflatten(name: str, flat: Columns, constants: Mapping[str, Any]) -> Observa
     if rows != split + int(constants["glonass_rows"]):
         raise ValueError(f"{rows} rows instead of {split} Keplerian and {constants['glonass_rows']} of GLONASS")
     leap = constants["leap_seconds"]
-    sizes = {"klobuchar_alpha": 4, "klobuchar_beta": 4, "galileo_ai": 3}
+    constants["klobuchar_alpha"], constants["klobuchar_beta"], constants["galileo_ai"]  # the others came later
+    values = {key: constants.get(key) for key in _COEFFICIENTS}
     tuples: dict[str, Any] = {
-        key: None if constants[key] is None else _tuple(constants[key], n) for key, n in sizes.items()
+        key: None if value is None else _tuple(value, _COEFFICIENTS[key]) for key, value in values.items()
     }
     return Ephemerides(
         KeplerRecords(**_join(_KEPLER, {c: values[:split] for c, values in flat.items()})),

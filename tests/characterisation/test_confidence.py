@@ -464,3 +464,178 @@ def test_lag1_takes_away_a_drift_and_no_more():
     blue = np.diff(rng.standard_normal(3003), 2)
     assert lag1_exponent(blue, 1) > 2.5
     assert lag1_exponents(blue, np.array([1])).tolist() == [2.0]
+
+
+# ------------------------------------------------------------------------------------------ laws of their parts
+
+
+def test_kinds_that_are_another_with_a_factor_have_its_differences():
+    """Time deviation is tau / sqrt(3) times modified; total variance extends the record of the overlapping one."""
+    for kind, other in (("time", "modified"), ("total", "overlapping")):
+        assert differences(kind, 7, 100) == differences(other, 7, 100)
+    for overlapping, count in ((True, 100 - 3 * 7 + 1), (False, 12)):  # the third difference needs three averages
+        d = differences("overlapping hadamard" if overlapping else "hadamard", 7, 100)
+        assert (d.order, d.modified, d.count) == (3, False, count)
+
+
+def test_tables_of_total_variance_are_linear_between_exponents_and_bounded():
+    """At 32 samples the tables themselves; below as the overlapping variance of 60 averages; one degree at least."""
+    for m, n in ((32, 3200), (100, 1000)):
+        ends = [total_dof(alpha, m, n) for alpha in (0.0, -1.0, -2.0)]
+        np.testing.assert_allclose(ends, [1.5 * n / m, 1.168 * n / m - 0.222, 0.927 * n / m - 0.358], rtol=1e-12)
+        assert total_dof(-1.5, m, n) == pytest.approx(0.5 * (ends[1] + ends[2]), rel=1e-12)
+        assert total_dof(-0.5, m, n) == pytest.approx(0.5 * (ends[0] + ends[1]), rel=1e-12)
+        assert total_bias(-1.5, m, n) == pytest.approx(0.5 * (total_bias(-1.0, m, n) + total_bias(-2.0, m, n)))
+    assert total_dof(-2.0, 100, 120) == 1.0
+    assert total_dof(0.0, 100, 100) == pytest.approx(1.5)
+
+    def overlapping(m):
+        d = Differences(2, m, 60 * m)
+        return dof(d, power_law(-1.0, d), 1.0)
+
+    scaled = [(total_dof(-1.0, m, 6000) + 0.222) * m / overlapping(m) for m in (1, 5, 24)]
+    np.testing.assert_allclose(scaled, scaled[0], rtol=1e-12)
+
+
+@pytest.mark.parametrize(("alpha", "freedom"), [(0.0, 15.0), (-1.0, 11.458), (-2.0, 8.912), (1.0, None)])
+def test_bounds_of_total_variance_are_chi_square(alpha, freedom):
+    """From white noise down by the tables; blue noise has the overlapping variance, of which total is no better one."""
+    call = (np.array([100]), np.array([1000]), np.array([alpha]), np.array([alpha]), 1.0, 0.95)
+    ours, low, high = (float(x[0]) for x in bounds("total", *call))
+    if freedom is None:
+        assert (ours, low, high) == tuple(float(x[0]) for x in bounds("overlapping", *call))
+    else:
+        assert ours == pytest.approx(freedom, rel=1e-9)
+        np.testing.assert_allclose((low, high), freedom / chi2.ppf([0.975, 0.025], freedom), rtol=1e-6)
+
+
+def test_bounds_are_the_true_distribution_below_20_degrees_of_freedom_and_chi_square_above():
+    p, m, sides = np.array([0.025, 0.975]), 60, set()
+    for n in range(7 * m, 24 * m, m // 4):
+        d = Differences(2, m, n)
+        freedom = dof(d, WHITE, 1.0)
+        if not 19.0 < freedom < 21.0:
+            continue
+        q = chi2.ppf(p, freedom) / freedom if freedom > 20.0 else shape_quantiles(d, WHITE, 1.0, p)
+        _, low, high = bounds("overlapping", np.array([m]), np.array([n]), WHITE, np.zeros(1), 1.0, 0.95)
+        np.testing.assert_allclose((1.0 / high[0], 1.0 / low[0]), q, rtol=1e-9)
+        sides.add(freedom > 20.0)
+    assert sides == {False, True}
+
+
+def test_noise_that_was_fitted_has_wider_bounds_and_must_be_said_to_be():
+    call = ("overlapping", np.array([100]), np.array([400]), WHITE, np.zeros(1), 1.0, 0.95)
+    given, default, fitted = bounds(*call, fitted=False), bounds(*call), bounds(*call, fitted=True)
+    np.testing.assert_array_equal(given, default)
+    assert fitted[0][0] < given[0][0]
+    assert fitted[2][0] > given[2][0]
+
+
+@pytest.mark.parametrize("n", [1500, 2400, 3600, 4000, 4700, 6150])
+def test_averaging_times_that_are_computed(n):
+    """As dense as the list and, between neighbours, factors of 1.1 above n / 6, 1.3 above n / 40 and 1.9: not less."""
+    every = np.arange(1, n // 2 + 1)
+    nodes = every[_nodes(every, n)]
+    assert (nodes[0], nodes[-1]) == (1, n // 2)
+    for m, following in zip(nodes[1:-1], nodes[2:], strict=True):
+
+        def allowed(m, following=following):
+            return m * (1.1 if 6 * m > n else 1.3 if 40 * m > n else 1.9) <= following
+
+        assert allowed(m)
+        assert not any(allowed(k) for k in range(m + 1, following))
+    assert list(_nodes(np.array([10, 11, 12]), 10_000)) == [0, 2]  # the ends always
+    assert list(_nodes(np.array([5]), 100)) == [0]
+
+
+def test_gaps_are_told_from_the_longest_average():
+    """Samples differ by averaging time where there are gaps: how dense it must be is told by the last."""
+    n, every, noise = 4000, np.arange(1, 2001), ((1.0, 0),)
+    ns = np.where(every == 1, 10**6, n)
+    dense = bounds("overlapping", every, ns, noise, np.zeros(len(every)), 1.0, 0.95)
+    plain = bounds("overlapping", every, np.full(len(every), n), noise, np.zeros(len(every)), 1.0, 0.95)
+    np.testing.assert_allclose([row[1000:] for row in dense], [row[1000:] for row in plain], rtol=1e-12)
+
+
+@pytest.mark.parametrize("k", range(6))
+def test_a_mixture_of_its_own_parts_comes_back(k):
+    """Correlation times of 4 samples times powers of 4; exact variances, so to the accuracy of least squares."""
+    ms, dt = 2 ** np.arange(12), 0.1
+    part = GaussMarkov(0.3, 4.0 * dt * 4.0**k)
+    mixture = fit_mixture(ms, part.allan_variance(ms * dt), 8300, dt)
+    assert all(s > 0.0 for s, _ in mixture)
+    own = [s * kind.allan_variance(ms * dt) for s, kind in mixture if getattr(kind, "tau", None) == part.tau]
+    np.testing.assert_allclose(own[0], part.allan_variance(ms * dt), rtol=1e-3)
+
+
+def test_correlation_times_end_before_half_of_the_record():
+    ms, dt = 2 ** np.arange(12), 0.1
+    slow = GaussMarkov(0.3, 409.6).allan_variance(ms * dt)
+    longest = [
+        max(kind.tau for _, kind in fit_mixture(ms, slow, n, dt) if isinstance(kind, GaussMarkov)) for n in (8300, 8100)
+    ]
+    np.testing.assert_allclose(longest, [409.6, 102.4])
+
+
+@pytest.mark.parametrize("dt", [1.0, 0.01])
+def test_a_mixture_has_the_variance_it_was_fitted_to(dt):
+    """By the autocovariance of the differences, which knows nothing of the fit: quantisation, white noise, walk."""
+    ms = 2 ** np.arange(10)
+    variance = 3e-4 / (ms * dt) ** 2 + 1e-3 / (ms * dt) + 1e-6 * ms * dt / 3.0
+    mixture = fit_mixture(ms, variance, 2**16, dt)
+    assert all(s > 0.0 for s, _ in mixture)
+    ours = [autocovariance(Differences(2, m, 2**16), mixture, dt, np.zeros(1))[0] / (2.0 * (m * dt) ** 2) for m in ms]
+    np.testing.assert_allclose(ours, variance, rtol=0.02)
+
+
+def test_a_mixture_of_nothing_is_white_and_size_means_nothing():
+    ms, n = 2 ** np.arange(8), 2**12
+    nothing = fit_mixture(ms, np.zeros(8), n, 1.0)
+    d = Differences(2, 16, n)
+    assert dof(d, nothing, 1.0) == pytest.approx(dof(d, WHITE, 1.0), rel=1e-12)
+    walk = ms / float(ms[-1])  # largest variance 1
+    for size in (1.0, 1e-20, 1e20):
+        np.testing.assert_allclose(exponents(fit_mixture(ms, size * walk, n, 1.0), ms * 1.0, 1.0), -2.0, atol=1e-6)
+    silent = np.where(ms == 4, 0.0, 1.0 / ms)  # one averaging time at which nothing was seen
+    assert all(np.isfinite(s) and s > 0.0 for s, _ in fit_mixture(ms, silent, n, 1.0))
+
+
+@pytest.mark.parametrize(("n", "votes"), [(5632, False), (6144, True), (6656, True)])
+def test_an_averaging_time_votes_up_to_a_sixth_of_the_record(n, votes):
+    ms = 2 ** np.arange(11)
+    variance = 1.0 / ms + 1e-4 * ms / 3.0
+    damaged = np.where(ms == 1024, 100.0 * variance, variance)
+    strength = [
+        sum(s for s, kind in fit_mixture(ms, v, n, 1.0) if isinstance(kind, RandomWalk)) for v in (variance, damaged)
+    ]
+    assert (abs(strength[1] / strength[0] - 1.0) > 0.01) == votes
+
+
+@pytest.mark.parametrize("dt", [1.0, 0.01])
+def test_doubt_on_any_interval_and_never_more_than_half(dt):
+    noise = ((3.0, 2), (2.0, White(1.0)))
+    for m, n in ((50, 1000), (500, 1000), (1, 200)):
+        d = Differences(2, m, n)
+        *_, (strength, walk) = with_doubt(noise, d, dt)
+        variance = autocovariance(d, noise, dt, np.zeros(1))[0] / (2.0 * (m * dt) ** 2)
+        expected = min(0.5, 1.0 / dof(d, noise, dt)) * variance
+        assert strength * walk.allan_variance(m * dt) == pytest.approx(expected, rel=1e-9)
+    assert with_doubt(noise, Differences(2, 1, 201), dt) is noise  # none beyond 200 averages
+
+
+def test_exponents_of_power_laws_are_their_own():
+    tau = 2.0 ** np.arange(6)
+    for kind in (-2, -1, 0, 1):
+        np.testing.assert_allclose(exponents(((0.7, kind),), tau, 1.0), kind, atol=1e-12)
+
+
+def test_lag1_exponents_beyond_the_usual_and_of_any_size():
+    """White noise differenced once more is of exponent 4; 30 values are the fewest; before anything is told it is 0."""
+    rng = np.random.default_rng(9)
+    violet = np.diff(rng.standard_normal(20_001))
+    assert lag1_exponent(violet, 1) == pytest.approx(4.0, abs=0.2)
+    X = np.cumsum(rng.standard_normal(3000))
+    assert lag1_exponent(1e-9 * X, 1) == pytest.approx(lag1_exponent(X, 1), rel=1e-9)
+    assert lag1_exponent(X[:29], 1) is None
+    assert lag1_exponent(X[:30], 1) is not None
+    assert lag1_exponents(X, np.array([300, 1000])).tolist() == [0.0, 0.0]

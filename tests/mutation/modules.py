@@ -20,10 +20,14 @@ MODULES: dict[str, tuple[str, ...]] = {
         *("-k", "not compiled"),
     ),
     "filtering.measurements": ("tests/filtering/test_measurements.py", "-k", "not jacobian"),
-    "calibration.bench.gauss_helmert": ("tests/calibration/bench/test_gauss_helmert.py",),
+    "calibration.bench.gauss_helmert": (
+        *("tests/calibration/bench/test_gauss_helmert.py", "-k"),
+        "not predicted_covariance and not any_size and not few and not smallest",
+    ),
     "characterisation.confidence": (
         *("tests/characterisation/test_confidence.py", "-k"),
-        "not coverage and not by_simulation and not chi_square_is_too_low and not can_be_stated and not a_pure",
+        "not coverage and not by_simulation and not chi_square_is_too_low and not can_be_stated and not a_pure "
+        "and not greenhall_and_riley",
     ),
     "rotary.modulated_errors": ("tests/rotary/test_modulation.py",),
 }

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
-from schuler.calibration.bench.gauss_helmert import adjust
+from schuler.calibration.bench.gauss_helmert import _weights, adjust
 from schuler.calibration.bench.magnitude import condition, ellipsoid_start, sphere_start
 from schuler.calibration.bench.sensor_geometry import PARAMETERS, triad_reading
 from schuler.calibration.design.plans import ATTITUDES
@@ -410,3 +410,185 @@ def test_no_step_of_scale_or_angle_exceeds_the_limit(rng):
     steps = np.abs(np.diff(np.vstack((np.zeros(9), fit.history)), axis=0))[:, 3:].max(axis=1)
     assert fit.converged
     assert steps.max() == pytest.approx(0.3, abs=1e-12)
+
+
+# ---------------------------------------------------------------------------------------------- closed forms
+# One axis turned up and down, references of several sizes: the condition is that of a straight line.
+
+AXIS = np.array((1.0, -1.0, 1.0, -1.0, 1.0, -1.0))
+SIZES = 5.0 * np.array((1.0, 1.0, 0.8, 0.6, 1.4, 1.2))
+SIGMA = np.array((1.0, 2.0, 3.0, 1.5, 0.5, 2.5)) * 1e-3
+
+
+def on_one_axis(values, free, sigma=SIGMA, **more):
+    """Adjustment of readings along x of which only these parameters are estimated."""
+    Y = np.zeros((len(values), 3))
+    Y[:, 0] = values
+    fixed = {name: 0.0 for name in PARAMETERS if name not in free}
+    return adjust(Y, np.repeat(sigma[:, None], 3, axis=1), SIZES, fixed=fixed, **more)
+
+
+def test_a_bias_is_the_weighted_mean(rng):
+    """Of what is left without the reference; its misclosures have the scatter of residuals from a mean; rounding."""
+    left = 0.02 + SIGMA * rng.standard_normal(6)
+    fit, w = on_one_axis(SIZES * AXIS + left, ["b_x"]), SIGMA**-2
+    mean = w @ left / w.sum()
+    assert fit.converged
+    assert fit.values[0] == pytest.approx(mean, rel=1e-10)
+    assert fit.cofactor[0, 0] == pytest.approx(1.0 / w.sum(), rel=1e-9)
+    assert fit.normal[0, 0] == pytest.approx(w.sum(), rel=1e-9)
+    assert (fit.freedom, fit.free.sum()) == (5, 1)
+    assert fit.variance_of_unit_weight == pytest.approx(w @ (left - mean) ** 2 / 5, rel=1e-8)
+    np.testing.assert_allclose(fit.corrections[:, 0], mean - left, atol=1e-11)
+    np.testing.assert_allclose(fit.misclosure, AXIS * (left - mean), atol=1e-11)
+    np.testing.assert_allclose(fit.redundancy, 1.0 - w / w.sum(), rtol=1e-9)
+    # linearised at the readings, not at what they should be
+    np.testing.assert_allclose(fit.misclosure_sigma, SIGMA * np.sqrt(1.0 - w / w.sum()), rtol=2e-3)
+
+
+def test_a_prior_on_a_bias_is_one_more_reading(rng):
+    left = 0.02 + SIGMA * rng.standard_normal(6)
+    fit = on_one_axis(SIZES * AXIS + left, ["b_x"], prior={"b_x": (0.021, 4e-4)})
+    w, values = np.append(SIGMA, 4e-4) ** -2, np.append(left, 0.021)
+    mean = w @ values / w.sum()
+    assert fit.values[0] == pytest.approx(mean, rel=1e-10)
+    assert fit.cofactor[0, 0] == pytest.approx(1.0 / w.sum(), rel=1e-9)
+    assert fit.freedom == 6
+    assert fit.variance_of_unit_weight == pytest.approx(w @ (values - mean) ** 2 / 6, rel=1e-8)
+    np.testing.assert_allclose(fit.redundancy, 1.0 - w[:6] / w.sum(), rtol=1e-9)
+
+
+def test_bias_and_scale_factor_are_a_straight_line(rng):
+    """Reading over reference, weighted least squares: slope less one, and the intercept."""
+    x, w = SIZES * AXIS, SIGMA**-2
+    y = 0.02 + 1.03 * x + SIGMA * rng.standard_normal(6)
+    fit = on_one_axis(y, ["b_x", "s_x"])
+    A = np.column_stack((np.ones(6), x))
+    N = A.T @ (A * w[:, None])
+    line = np.linalg.solve(N, A.T @ (w * y))
+    np.testing.assert_allclose(fit.values[[0, 3]], line - [0.0, 1.0], rtol=1e-8)
+    np.testing.assert_allclose(fit.cofactor[np.ix_([0, 3], [0, 3])], np.linalg.inv(N), rtol=1e-7)
+    assert fit.variance_of_unit_weight == pytest.approx(w @ (y - A @ line) ** 2 / 4, rel=1e-7)
+    d = np.sqrt(np.diag(N))
+    low, high = np.linalg.eigvalsh(N / np.outer(d, d))
+    assert fit.condition == pytest.approx(high / low, rel=1e-6)
+
+
+# ------------------------------------------------------------------------------------------------ invariance
+
+
+def test_order_of_poses_and_names_of_axes_do_not_matter(rng):
+    """Poses in another order; x, y, z called y, z, x, which biases and scale factors follow; rounding."""
+    x = np.where(np.arange(9) < 6, LARGE, 0.0)
+    Y = readings(scattered(rng), 1.0, x) + 1e-3 * rng.standard_normal((26, 3))
+    sigma = rng.uniform(1e-3, 3e-3, (26, 3))
+    one, order = adjust(Y, sigma, 1.0, 6), rng.permutation(26)
+    shuffled = adjust(Y[order], sigma[order], 1.0, 6)
+    np.testing.assert_allclose(shuffled.values, one.values, atol=1e-11)
+    np.testing.assert_allclose(shuffled.corrections, one.corrections[order], atol=1e-11)
+    np.testing.assert_allclose(shuffled.redundancy, one.redundancy[order], atol=1e-9)
+    renamed = adjust(Y[:, [1, 2, 0]], sigma[:, [1, 2, 0]], 1.0, 6)
+    np.testing.assert_allclose(renamed.values[:6], one.values[[1, 2, 0, 4, 5, 3]], atol=1e-11)
+    np.testing.assert_allclose(renamed.sigma[:6], one.sigma[[1, 2, 0, 4, 5, 3]], rtol=1e-8)
+
+
+def test_all_sigmas_by_a_factor_are_a_factor(rng):
+    """Estimates stay, to what the iteration leaves; cofactors by its square, chi-square by its inverse."""
+    Y = readings(scattered(rng), 1.0, LARGE) + 1e-3 * rng.standard_normal((26, 3))
+    one, three = adjust(Y, 1e-3, 1.0), adjust(Y, 3e-3, 1.0)
+    np.testing.assert_allclose(three.values, one.values, atol=1e-10)
+    np.testing.assert_allclose(three.cofactor, 9.0 * one.cofactor, rtol=1e-6, atol=1e-12)
+    assert three.chi_square == pytest.approx(one.chi_square / 9.0, rel=1e-6)
+
+
+# -------------------------------------------------------------------------------------- what is too weak to tell
+
+
+def opposite(factor):
+    """Poses up and down on three axes, those of z read so many times worse."""
+    sigma = np.full((6, 3), 1e-9)
+    sigma[[2, 5]] *= factor
+    return readings(np.concatenate((np.eye(3), -np.eye(3))), 1.0, np.zeros(9)), sigma
+
+
+@pytest.mark.parametrize(
+    ("factor", "keywords", "lost"),
+    [
+        (999.5, {}, False),
+        (1000.5, {}, True),  # a thousand times worse than the best
+        (1100.0, {"prior": {"b_x": (0.0, 1.0)}}, False),  # what is known of one may be the best
+        (1100.0, {"largest_sigma": np.inf}, False),
+        (1e9, {"largest_sigma": np.inf}, False),
+        (1e11, {"largest_sigma": np.inf}, True),  # rounding of the scaled design
+    ],
+)
+def test_a_bias_that_is_far_worse_than_the_best_is_not_determined(factor, keywords, lost):
+    Y, sigma = opposite(factor)
+    fit = adjust(Y, sigma, 1.0, 3, **keywords)
+    assert list(fit.undetermined[:3]) == [False, False, lost]
+    assert fit.freedom == 6 - 3 + lost + len(keywords.get("prior", ()))
+
+
+def test_the_weight_of_a_reading_near_the_bias_is_bounded():
+    """Variance of a misclosure is (2 u sigma)^2 from a hundredth of the reference on, and there what it is at it."""
+    sizes = np.array((1.0, 0.02, 0.0101, 0.0099, 1e-3, 0.0))
+    B, sigma = np.outer(2.0 * sizes, (0.6, 0.0, 0.8)), np.array((2e-3, 1e-4, 2e-3))
+    expected = (2.0 * np.maximum(sizes, 0.01) * 2e-3) ** 2
+    expected[3:] = (2.0 * 0.01 * 1e-4) ** 2  # of the best axis
+    weights = _weights(B, np.tile(sigma**2, (6, 1)))
+    np.testing.assert_allclose(weights[[0, 1, 5]], expected[[0, 1, 5]], rtol=1e-12)
+    np.testing.assert_allclose(
+        _weights(B, np.full((6, 3), 4e-6)), (2.0 * np.maximum(sizes, 0.01) * 2e-3) ** 2, rtol=1e-12
+    )
+
+
+# ------------------------------------------------------------------------------------------------ how it ends
+
+
+def test_iterations_are_counted_and_end_where_told(rng):
+    Y = readings(scattered(rng), 1.0, LARGE) + 1e-3 * rng.standard_normal((26, 3))
+    fit = adjust(Y, 1e-3, 1.0, start="zeros")
+    assert fit.converged
+    assert len(fit.history) == fit.iterations
+    for most in (1, 2):
+        cut = adjust(Y, 1e-3, 1.0, start="zeros", max_iterations=most)
+        assert (cut.converged, cut.iterations, len(cut.history)) == (False, most, most)
+        np.testing.assert_allclose(cut.history, fit.history[:most], atol=1e-14)
+    done = adjust(Y, 1e-3, 1.0, start="zeros", max_iterations=fit.iterations)
+    assert done.converged
+    unit = 1.0 / np.sqrt(np.diag(fit.normal))  # uncorrelated sigma
+    assert (np.abs(fit.history[-1] - fit.history[-2]) / unit).max() < 1e-8
+    coarse, fine = (adjust(Y, 1e-3, 1.0, start="zeros", tolerance=tolerance) for tolerance in (1e-5, 1e-11))
+    assert coarse.iterations <= fit.iterations < fine.iterations
+
+
+@pytest.mark.parametrize("sigma", [1e-12, 1e-18])
+def test_it_ends_however_small_sigma_is(rng, sigma):
+    """Nothing but rounding is left long before a step is a part of so small an uncertainty."""
+    fit = adjust(readings(scattered(rng), 1.0, LARGE), sigma, 1.0)
+    assert fit.converged
+    np.testing.assert_allclose(fit.values, LARGE, atol=1e-13)
+
+
+@pytest.mark.parametrize("rho", [1.0, G])
+def test_the_truth_as_a_start_is_the_end(rng, rho):
+    x = LARGE * ([rho] * 3 + [1.0] * 6)
+    Y = readings(scattered(rng), rho, x)
+    fit = adjust(Y, 1e-5, rho, start=x)
+    assert fit.iterations <= 2
+    np.testing.assert_allclose(fit.history[0], x, atol=1e-12)
+
+
+def test_a_triad_that_became_impossible_is_not_returned(rng):
+    """A step to a scale factor below -1 ends it: what is returned is where it began."""
+    x = GYRO.copy()
+    x[:3] = 2.0 * W
+    for _ in range(20):
+        Y = readings(scattered(rng), W, x)
+        fit = adjust(Y, 2.71e-6, W, start="zeros", step_limit=None, largest_sigma=np.inf)
+        if not fit.converged and len(fit.history) < 100:
+            np.testing.assert_array_equal(fit.values, 0.0)
+            assert not fit.corrections.any()
+            assert fit.iterations == len(fit.history)
+            return
+    raise AssertionError("no start of twenty led to an impossible triad")

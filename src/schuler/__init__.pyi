@@ -27,6 +27,9 @@ from .filtering import InitialState as InitialState
 from .filtering import StateLayout as StateLayout
 from .filtering import StateModel as StateModel
 from .filtering import layout_for as layout_for
+from .gnss import prepare_ranges as prepare_ranges
+from .gnss import solve_baseline as solve_baseline
+from .gnss import solve_points as solve_points
 from .mechanization import NavState as NavState
 from .mechanization import mechanize as mechanize
 from .montecarlo import campaign as campaign
@@ -119,11 +122,14 @@ __all__ = [
     "navigate_rotary",
     "poses_of",
     "prepare_budget",
+    "prepare_ranges",
     "read",
     "rerun",
     "scenario_observability",
     "search_schemes",
     "simulate",
+    "solve_baseline",
+    "solve_points",
     "tune_noise",
     "write",
 ]

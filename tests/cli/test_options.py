@@ -7,7 +7,7 @@ from schuler.cli.app import COMMANDS, METHODS, app
 
 CALLS = [[name] for name in COMMANDS if name != "calibrate"] + [["calibrate", name] for name in METHODS]
 #: Commands that write a folder; what they read does not exist, so that a late check would say so.
-FOLDERS = ["demo", "allan", "budget", "observability", "rotary", "montecarlo", "foot", "navigate", "compare"]
+FOLDERS = ["demo", "allan", "budget", "observability", "rotary", "montecarlo", "foot", "navigate", "points", "compare"]
 FOLDERS_OF_METHODS = [f"calibrate {name}" for name in METHODS]
 
 

@@ -80,6 +80,24 @@ def double_differences():
     )  # fmt: skip
 
 
+@cache
+def single_points(with_truth: bool):
+    """A minute of single points, of which some epochs have a fault and some too few satellites."""
+    from schuler.frames import C_en, ecef_from_llh
+    from schuler.gnss import PointEvaluation, RangeErrors, nominal_orbits, solve_points, synthetic_ranges
+
+    t, llh = np.arange(60.0), np.array([0.84, 0.2, 400.0])
+    v_e = np.tile(C_en(llh) @ (8.0, 3.0, 0.0), (60, 1))
+    r_e = ecef_from_llh(llh) + v_e * t[:, None]
+    few = np.where((t > 30.0) & (t < 36.0), np.where(t > 33.0, 3, 5), 99)
+    made = synthetic_ranges(
+        t, r_e, v_e, nominal_orbits("GE"), RNG(6), RangeErrors(noise=0.5), max_satellites=few
+    ).ranges
+    late = (made.sat == made.sat[0]) & (made.t > 10.0) & (made.t < 20.0)
+    ranges = replace(made, pseudorange=made.pseudorange + 60.0 * late)
+    return PointEvaluation(solve_points(ranges), ranges, r_e if with_truth else None)
+
+
 def looked_at():
     """A log of a page, at rest."""
     from schuler.recording.recording import Metadata, Recording
@@ -438,7 +456,17 @@ def _outages() -> dict[str, Callable]:
 def _solutions(run: Callable[[str], Any]) -> dict[str, Callable]:
     """Figures of a navigation run, by module and name."""
     from schuler.gnss.point import solve_points
-    from schuler.navigation.report import accuracy, estimates, figures, fixes, innovations, outages, satellites, track
+    from schuler.navigation.report import (
+        accuracy,
+        estimates,
+        figures,
+        fixes,
+        innovations,
+        outages,
+        points,
+        satellites,
+        track,
+    )
     from schuler.navigation.report import accuracy as a
     from schuler.recording import figures as logs
 
@@ -456,6 +484,9 @@ def _solutions(run: Callable[[str], Any]) -> dict[str, Callable]:
 
     def ranges():
         return run("everything").ranges
+
+    def each(figure):
+        return [figure(single_points(with_truth)) for with_truth in (True, False)]
 
     def of_satellites():
         return [innovations.by_satellite(subject(run("everything")), kind) for kind in innovations.SATELLITE_KINDS]
@@ -482,6 +513,11 @@ def _solutions(run: Callable[[str], Any]) -> dict[str, Callable]:
         "navigation.report.satellites.geometry": lambda: satellites.geometry(ranges(), solve_points(ranges(), integrity=None)),
         "navigation.report.satellites.strengths": lambda: satellites.strengths(ranges()),
         "navigation.report.satellites.satellite_figures": lambda: satellites.satellite_figures(ranges()),
+        "navigation.report.points.point_track": lambda: each(points.point_track),
+        "navigation.report.points.position_figure": lambda: each(points.position_figure),
+        "navigation.report.points.level_figure": lambda: each(points.level_figure),
+        "navigation.report.points.status_figure": lambda: each(points.status_figure),
+        "navigation.report.points.residual_figure": lambda: each(points.residual_figure),
         "navigation.report.accuracy.separation": lambda: accuracy.separation(full()),
         "navigation.report.fixes.stated": lambda: fixes.stated(full(gnss=rated_fixes())),
         "recording.figures.log_content": lambda: logs.log_content(short_log(), rests=((1.0, 3.0),)),

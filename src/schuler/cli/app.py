@@ -107,6 +107,11 @@ COMMANDS = {
         "Baseline between two receivers by carrier phases: rover to centimetres, fixed or float, with report.",
         "schuler baseline rover.obs base.obs --nav brdc.nav --base-position 47.4,8.5,440.0",
     ),
+    "points": (
+        "schuler.cli.points:points",
+        "Positions of a satellite receiver by itself, with protection levels; no IMU, no base. RINEX, u-blox, phones.",
+        "schuler points rover.obs --nav rover.nav",
+    ),
     "live": (
         "schuler.cli.live:live",
         "Navigate streams as they come: serial lines, UDP, TCP, WebSockets, MQTT, stdin, or a log at its pace.",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -114,7 +115,7 @@ def baseline(
     measured_rover = _observations(part.of(roving), rover, "rover")
     fixed_station = _station(base, measured_rover)
     measured = measured_rover, _observations(fixed_station, base, "base")
-    messages = _ephemerides((roving, fixed_station), nav)
+    messages = ephemerides_of((roving, fixed_station), nav, "neither log has ephemerides")
     base_llh = _base_position(measured[1], base_position, marks=marks)
     notes: list[str] = []
     antennas = antenna_pair(
@@ -172,8 +173,16 @@ def _observations(recording: Recording, path: Path, name: str) -> Observations:
     return o
 
 
-def _ephemerides(recordings: tuple[Recording, ...], nav: tuple[Path, ...]) -> Ephemerides:
-    """Messages of the files given, then those of the logs."""
+def ephemerides_of(recordings: Iterable[Recording], nav: Iterable[Path], missing: str) -> Ephemerides:
+    """Messages of the files given with ``--nav``, then those of the logs.
+
+    Parameters
+    ----------
+    recordings : iterable of Recording
+    nav : iterable of Path
+    missing : str
+        Begin of the sentence where there are none.
+    """
     parts = [r.ephemerides for r in recordings if r.ephemerides is not None]
     given = []
     for path in nav:
@@ -182,7 +191,7 @@ def _ephemerides(recordings: tuple[Recording, ...], nav: tuple[Path, ...]) -> Ep
             raise InputError(f"--nav {path}: expected broadcast ephemerides (RINEX navigation, u-blox), got none")
         given.append(messages)
     if not given + parts:
-        raise InputError("neither log has ephemerides: give a RINEX navigation file of that day with --nav")
+        raise InputError(f"{missing}: give a RINEX navigation file of that day with --nav")
     first, *others = given + parts
     for other in others:
         first = first.merged_with(other)

@@ -21,6 +21,7 @@ from .ionosphere import ionosphere_free as ionosphere_free
 from .ionosphere import klobuchar as klobuchar
 from .observations import Observations as Observations
 from .point import solve_points as solve_points
+from .point_evaluation import PointEvaluation as PointEvaluation
 from .point_result import PointSolution as PointSolution
 from .preparation import prepare_ranges as prepare_ranges
 from .protection_errors import Stanford as Stanford
@@ -58,6 +59,7 @@ __all__ = [
     "Integrity",
     "KeplerRecords",
     "Observations",
+    "PointEvaluation",
     "PointSolution",
     "RangeErrors",
     "Ranges",

@@ -264,21 +264,21 @@ def compare_runs(
         raise InputError(f"runs: expected 1 to {MOST} beside the reference, got {len(several)}")
     names = _distinct([run.name for run in several])
     notes: list[str] = []
-    aligned = [_aligned(run, name, truth, notes) for run, name in zip(several, names, strict=True)]
+    on_one_clock = [aligned(run, name, truth, notes) for run, name in zip(several, names, strict=True)]
     R = truth.trajectory
-    start = max(float(T.t[0]) for T in (R, *aligned))
-    stop = min(float(T.t[-1]) for T in (R, *aligned))
+    start = max(float(T.t[0]) for T in (R, *on_one_clock))
+    stop = min(float(T.t[-1]) for T in (R, *on_one_clock))
     inside = (R.t >= start) & (R.t <= stop)
     if not inside.any():
         spans = ", ".join(
-            f"{n} {T.t[0]:.3f}..{T.t[-1]:.3f} s" for n, T in zip((truth.name, *names), (R, *aligned), strict=True)
+            f"{n} {T.t[0]:.3f}..{T.t[-1]:.3f} s" for n, T in zip((truth.name, *names), (R, *on_one_clock), strict=True)
         )
         raise InputError(f"runs: expected times that overlap, got {spans}; are they on one clock?")
     common = R.samples(np.flatnonzero(inside))
     if inside.mean() < 0.9:
         notes.append(f"{100.0 * inside.mean():.0f} % of the reference's epochs are compared: not all runs cover more.")
     errors, numbers = [], []
-    for name, T in zip(names, aligned, strict=True):
+    for name, T in zip(names, on_one_clock, strict=True):
         covered = ~in_gaps(T.t, common.t)
         if not covered.any():
             raise InputError(f"{name}: expected samples at the reference's times, got gaps only")
@@ -293,7 +293,7 @@ def compare_runs(
         raise InputError(f"{', '.join(unbounded)}: expected runs and a reference that have it, got none")
     return RunComparison(
         truth.name, against_run, tuple(names), tuple(run.file for run in several), tuple(errors), tuple(numbers),
-        (common, *aligned), (start, stop), limits, tuple(notes),
+        (common, *on_one_clock), (start, stop), limits, tuple(notes),
     )  # fmt: skip
 
 
@@ -391,8 +391,19 @@ def _north_east(trajectory: Trajectory) -> FloatArray:
     return np.asarray((r @ frames.C_en(trajectory.llh[0]))[:, :2])
 
 
-def _aligned(run: Run, name: str, truth: Run, notes: list[str]) -> Trajectory:
-    """A run on the reference's clock, and at its point where that is known."""
+def aligned(run: Run, name: str, truth: Run, notes: list[str]) -> Trajectory:
+    """A run on another's clock, and at its point where that is known.
+
+    Parameters
+    ----------
+    run : Run
+    name : str
+        For the notes.
+    truth : Run
+        The other one.
+    notes : list of str
+        Sentences are added on what could not be brought together.
+    """
     T = run.trajectory
     if "local" not in (run.time.scale, truth.time.scale):
         shift = run.time.epoch_gps_s - truth.time.epoch_gps_s

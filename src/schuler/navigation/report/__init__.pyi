@@ -14,6 +14,7 @@ from .figures import plot_separation as plot_separation
 from .figures import plot_track as plot_track
 from .figures import plot_uncertainty as plot_uncertainty
 from .figures import save_figures as save_figures
+from .points import points_report as points_report
 from .subject import Subject as Subject
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "plot_separation",
     "plot_track",
     "plot_uncertainty",
+    "points_report",
     "read_backdrop",
     "save_figures",
 ]

@@ -10,7 +10,7 @@ import numpy as np
 from schuler import frames, units
 from schuler.arrays import FloatArray, IntArray
 from schuler.filtering.measurements import ACCEPTED, FORCED, REJECTED, UNUSED, in_windows
-from schuler.navigation.report.backdrop import Window, backdrop_items, graticule, north_arrow
+from schuler.navigation.report.backdrop import Backdrop, Window, backdrop_items, graticule, north_arrow
 from schuler.navigation.report.subject import WITHHELD, Subject
 from schuler.navigation.result import NavigationResult
 from schuler.plotting.figure import TIME, Along, Figure, Item, Line, Markers, Panel, Span, Text, band, line, path, view
@@ -74,8 +74,6 @@ def track(subject: Subject) -> Figure:
     ends = plan(subject.result.trajectory.samples(np.array([0, -1] if len(t) > 1 else [0])))
     for k, role in ((0, "start"), (-1, "end")):
         items.append(Markers(ends[[k], 1], ends[[k], 0], role, role))
-    items += _scale_bar(items)
-    window = _window(items, origin)
     caption = (
         f"The way of the {'antenna' if subject.at_antenna else 'IMU'}, a metre being as long to the north as to the "
         "east: the curves should lie on each other, "
@@ -84,20 +82,43 @@ def track(subject: Subject) -> Figure:
         if subject.result.outages
         else "and pass through the GNSS fixes."
     )
+    panel, credit = plan_panel(items, origin, subject.map)
+    return Figure("track", "Track", caption + credit, (panel,), linked=False)
+
+
+def plan_panel(items: list[Item], origin: FloatArray, background: Backdrop | None) -> tuple[Panel, str]:
+    """Panel of items in metres east and north, with a scale, over a map or a graticule; and what the map is.
+
+    Parameters
+    ----------
+    items : list of Item
+    origin : ndarray, shape (3,)
+        Place of zero. [rad, rad, m]
+    background : Backdrop, optional
+
+    Returns
+    -------
+    panel : Panel
+    credit : str
+        Sentence for the caption, with a blank before it; empty without a map.
+    """
+    items = [*items, *_scale_bar(items)]
+    window = _window(items, origin)
     ground: list[Item] = []
+    credit = ""
     if window is not None:
-        if subject.map is None:
+        if background is None:
             ground += graticule(window)
         else:
-            ground += backdrop_items(subject.map, window)
-            credit = f" ({subject.map.credit.rstrip('.')})" if subject.map.credit else ""
-            caption += f" Background: {subject.map.name}{credit}."
+            ground += backdrop_items(background, window)
+            source = f" ({background.credit.rstrip('.')})" if background.credit else ""
+            credit = f" Background: {background.name}{source}."
         ground += north_arrow(window)
     limits = (None, None) if window is None else (window.box(1.0)[:2], window.box(1.0)[2:])
     panel = Panel(
         "east [m]", "north [m]", (*ground, *items), x_limits=limits[0], y_limits=limits[1], equal=True, grid=False
     )
-    return Figure("track", "Track", caption, (panel,), linked=False)
+    return panel, credit
 
 
 def profile(subject: Subject) -> Figure | None:

@@ -1,5 +1,6 @@
 """Fixtures shared by all tests, the choice of cases that run by default, and how processes share them."""
 
+import gc
 import os
 import sys
 from collections import Counter
@@ -21,11 +22,55 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 SHARED_DATA = DATA
 LEFT_OUT = ("slow", "campaign", "reproduce", "fuzz")  # markers of what does not run by default
+# Rooms that run no filter, more than half of all tests. They stand last, so that of two processes the second begins
+# with them while the first compiles the kernels for both.
+WITHOUT_FILTER = {
+    "recording", "sensors", "gnss", "growth", "simulation", "standstill", "characterisation", "test_rotation.py",
+    "test_site.py", "test_units.py", "test_frames.py", "test_earth.py", "test_arrays.py", "test_project.py",
+}  # fmt: skip
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection(session):
+    """Python's search for cycles waits until all tests are there; a second process imports them from the end.
+
+    Imports make millions of objects that stay: looking through them again and again takes a third of the collection.
+    Of two processes that import in the same order both would rewrite the assertions of every file.
+    """
+    gc.disable()
+    worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0")
+    if int(worker[2:]) % 2 and not session.config.option.file_or_dir:
+        import_backwards(session.config)
+
+
+def import_backwards(config):
+    """Import test files from the last to the first; what cannot be imported is left to the collection to tell."""
+    from _pytest.pathlib import import_path
+
+    here = Path(__file__).parent
+    for path in sorted(here.rglob("test_*.py"), reverse=True):
+        try:
+            import_path(path, mode="importlib", root=config.rootpath, consider_namespace_packages=False)
+        except BaseException:  # a skip of the whole file is one
+            for name in [n for n, m in sys.modules.items() if getattr(m, "__file__", None) == str(path)]:
+                del sys.modules[name]
+
+
+def pytest_collection_finish(session):
+    """What was imported is there to stay, and is not looked through any more; what tests make, thirty times
+    less often.
+
+    Syntax trees of the package, tables and figures are many objects that live for a test: a tenth of the processor.
+    """
+    gc.freeze()
+    gc.set_threshold(20_000)
+    gc.enable()
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     """Of a test marked ``thinned(n)`` every n-th case runs by default, beginning with the first."""
+    items.sort(key=lambda item: not WITHOUT_FILTER.isdisjoint(item.nodeid.partition("::")[0].split("/")[1:2]))
     seen: Counter[str] = Counter()
     for item in items:
         thinned = item.get_closest_marker("thinned")

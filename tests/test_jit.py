@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from itertools import permutations
 from pathlib import Path
 
@@ -151,6 +152,32 @@ def test_what_comes_next_is_compiled_in_another_process(tmp_path, beside, hits):
     in_a_process(["-c", script], tmp_path, 300.0)
 
 
+TOGETHER = """
+import sys
+import two
+print("ready", flush=True)
+sys.stdin.readline()
+two.first(1.0)
+print(sum(two.first.stats.cache_hits.values()))
+"""
+
+
+@pytest.mark.skipif(jit.fcntl is None, reason="no locks of files here: each process compiles for itself")
+def test_of_processes_that_begin_together_one_compiles(tmp_path):
+    """The other waits for it and loads what it leaves."""
+    (tmp_path / "two.py").write_text(TWO)
+    processes = [
+        subprocess.Popen([sys.executable, "-c", TOGETHER], cwd=tmp_path, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        for _ in range(2)
+    ]
+    for process in processes:
+        assert process.stdout.readline() == b"ready\n"
+    for process in processes:
+        process.stdin.write(b"\n")
+        process.stdin.flush()
+    assert sorted(int(process.communicate(timeout=300.0)[0]) for process in processes) == [0, 1]
+
+
 # ------------------------------------------------------------------------------- numbers and lanes, one cache
 
 NUMBERS = """
@@ -184,12 +211,21 @@ def in_a_process(arguments: list[str], folder: Path, timeout_s: float) -> None:
     assert done.returncode == 0, done.stderr[-2000:]
 
 
-def test_machine_code_for_lanes_does_not_disturb_a_compilation_for_numbers(tmp_path):
+@pytest.fixture(scope="module")
+def lanes(tmp_path_factory):
+    """Folder with the machine code for lanes on disk."""
+    folder = tmp_path_factory.mktemp("lanes")
+    in_a_process(["-c", LANES], folder, 300.0)
+    return folder
+
+
+def test_machine_code_for_lanes_does_not_disturb_a_compilation_for_numbers(lanes, tmp_path):
     """The third process compiles a caller of a function whose code for numbers and for lanes is on disk.
 
     With one index on disk for both, it ended in ``KeyError: (float64,)``.
     """
-    for script in (NUMBERS, LANES, CALLER):
+    shutil.copytree(lanes, tmp_path, dirs_exist_ok=True)
+    for script in (NUMBERS, CALLER):
         in_a_process(["-c", script], tmp_path, 300.0)
 
 
@@ -215,9 +251,9 @@ def test_a_lane_version_names_the_lane_version_of_everything_it_calls():
         jit.lane_version(k.half_angle)
 
 
-def test_an_index_of_types_that_are_gone_is_compiled_anew(tmp_path):
+def test_an_index_of_types_that_are_gone_is_compiled_anew(lanes, tmp_path):
     """An earlier version of the package may have left it; reading it would end in ModuleNotFoundError."""
-    in_a_process(["-c", LANES], tmp_path, 300.0)
+    shutil.copytree(lanes, tmp_path, dirs_exist_ok=True)
     (index,) = (tmp_path / "cache").rglob("*transition_in_lanes*.nbi")
     name = b"schuler.filtering.kernels.vector"
     content = index.read_bytes()
@@ -282,6 +318,20 @@ def test_a_flipped_byte_anywhere_in_an_entry_never_stops_a_run(doubled, tmp_path
     for place in range(0, len(good), 61):
         index.write_bytes(good[:place] + bytes([good[place] ^ 0xFF]) + good[place + 1 :])
         assert doubled()(2.0) == 4.0
+
+
+@pytest.mark.skipif(jit.fcntl is None, reason="no locks of files here")
+def test_a_process_that_is_stopped_while_it_compiles_holds_up_others_for_a_while(doubled, tmp_path, monkeypatch):
+    monkeypatch.setattr(jit, "_WAIT_FOR_ANOTHER_S", 0.2)
+    waited = []
+    monkeypatch.setattr(time, "sleep", waited.append)
+    with (tmp_path / "kernels.py").open("rb") as file:
+        jit.fcntl.flock(file, jit.fcntl.LOCK_EX)
+        assert doubled()(2.0) == 4.0
+        assert waited
+        waited.clear()
+        compiled = doubled()
+        assert (compiled(2.0), hits(compiled), waited) == (4.0, 1, [])  # what is on disk is loaded at once
 
 
 def test_without_a_folder_to_keep_it_in_it_compiles_and_says_so_once(doubled, monkeypatch, capsys):

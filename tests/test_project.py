@@ -104,6 +104,7 @@ def test_the_bottom_layers_import_nothing_heavy():
     assert loaded_by(*(f"schuler.{name}" for name in names)) == set()
 
 
+@functools.cache
 def imports_when_loaded(tree: ast.Module) -> list[tuple[str, int]]:
     """Dotted names a module imports while it is being imported: anywhere but in functions and ``if TYPE_CHECKING``."""
     found: list[tuple[str, int]] = []

@@ -18,10 +18,11 @@ import os
 import subprocess
 import sys
 import threading
+import time
 import types
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any, cast
+from typing import IO, Any, cast
 
 import llvmlite.binding
 import numba
@@ -29,7 +30,13 @@ import numba.core.codegen
 from numba.core.codegen import JITCodeLibrary
 from numba.extending import is_jitted
 
+try:
+    import fcntl
+except ImportError:  # Windows: each process compiles for itself
+    fcntl = None  # type: ignore[assignment]
+
 _NOTICE_AFTER_S = 1.5
+_WAIT_FOR_ANOTHER_S = 60.0
 
 _core: Any = numba.core
 PLAIN: bool = bool(_core.config.DISABLE_JIT)  # NUMBA_DISABLE_JIT=1: kernels as plain Python, to step through
@@ -134,7 +141,7 @@ def _one_version(compiled: Any, unrolled: bool) -> Any:
         return part[1] if part else whole(sig)
 
     def compile_quickly(sig: Any) -> Any:
-        with _quick_compilation(unrolled):
+        with _quick_compilation(unrolled), _one_process_at_a_time(compiled):
             return compile_whole(sig)
 
     compiled.get_call_template, compiled.get_overload = get_call_template, get_overload
@@ -172,6 +179,34 @@ def _quick_compilation(unrolled: bool) -> Iterator[None]:
             functions.get_call_type = resolve
             if builder is not None:
                 codegen.create_pass_builder = builder
+
+
+@contextlib.contextmanager
+def _one_process_at_a_time(compiled: Any) -> Iterator[None]:
+    """Wait while another process compiles a kernel of the same file, to load what it leaves on disk.
+
+    The kernel's source is locked, so that nothing is left behind and a killed process holds up nobody; a stopped one
+    does for a minute. Threads of one process come here one after the other (numba's lock).
+    """
+    if fcntl is None or _on_disk(compiled):
+        yield
+        return
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):  # no source to be read, a file system without locks
+            source = stack.enter_context(open(compiled.py_func.__code__.co_filename, "rb"))
+            until = time.monotonic() + _WAIT_FOR_ANOTHER_S
+            while not _locked(source) and time.monotonic() < until:
+                time.sleep(0.05)
+        yield
+
+
+def _locked(file: IO[bytes]) -> bool:
+    """Whether this process has the file's lock now; it goes with the file's closing."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 @contextlib.contextmanager
@@ -349,9 +384,13 @@ def prepare(kernels: Iterable[tuple[Callable[..., Any], tuple[Any, ...]]], besid
 def _on_disk(compiled: Any) -> bool:
     """Whether there is machine code of this version on disk; true, too, where nothing can be kept there."""
     try:
-        return bool(compiled._cache._cache_file._load_index())
+        load = compiled._cache._cache_file._load_index
     except AttributeError:
         return True
+    try:
+        return bool(load())
+    except Exception:  # a damaged index; loading removes it
+        return False
 
 
 _beside: dict[str, subprocess.Popen[bytes]] = {}

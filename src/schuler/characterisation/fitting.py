@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from math import factorial
 from typing import Any, Literal
 
 import numpy as np
@@ -34,6 +35,8 @@ _POWER: dict[str, Callable[[FloatArray], FloatArray]] = {
     "K": lambda tau: tau / 3.0,
     "R": lambda tau: 0.5 * tau**2,
 }
+#: Of the Gauss-Markov process in the ratio of averaging and correlation time, from the tenth power down to the first.
+_SERIES = tuple((-1) ** k * (4 - 2**k) / factorial(k) for k in range(12, 2, -1))
 _ORDER = ("Q", "N", "F", "B", "K", "R", "GM")
 _ROUNDS = 3  # weights are taken from the model of the round before; nothing moves any more after two
 
@@ -124,10 +127,9 @@ def allan_variance(names: tuple[str, ...], values: FloatArray, m: IntArray, dt: 
             continue
         if name.startswith("sigma") or (name == "N" and "tau_N" in names):
             k = i + 1
-            variance = partial(_markov_part, name, float(v), m=m, dt=dt)
-            time, h = float(values[k]), 1e-4
-            part = variance(time)
-            J[:, k] = (variance(time * np.exp(h)) - variance(time * np.exp(-h))) / (2.0 * h)
+            h = 1e-4
+            part, later, sooner = _markov_parts(name, float(v), float(values[k]) * np.exp([0.0, h, -h]), m, dt)
+            J[:, k] = (later - sooner) / (2.0 * h)
         else:
             part = v**2 * _POWER[name](tau)
         J[:, i] = 2.0 * part
@@ -135,9 +137,10 @@ def allan_variance(names: tuple[str, ...], values: FloatArray, m: IntArray, dt: 
     return total, J
 
 
-def _markov_part(name: str, value: float, time: float, *, m: IntArray, dt: float) -> FloatArray:
-    sigma = filtered_sigma(value, time, dt) if name == "N" else value
-    return sigma**2 * sampled_gauss_markov(m, dt / time)
+def _markov_parts(name: str, value: float, times: FloatArray, m: IntArray, dt: float) -> FloatArray:
+    """Allan variance of a Gauss-Markov process, or of filtered white noise, of each correlation time (t, k). [x^2]"""
+    sigmas = np.array([filtered_sigma(value, float(time), dt) if name == "N" else value for time in times])
+    return np.asarray(sigmas[:, None] ** 2 * sampled_gauss_markov(m, dt / times[:, None]))
 
 
 def filtered_sigma(N: float, time: float, dt: float) -> float:
@@ -146,22 +149,28 @@ def filtered_sigma(N: float, time: float, dt: float) -> float:
     return float(N * np.sqrt((1.0 - e) / (dt * (1.0 + e))))
 
 
-def sampled_gauss_markov(m: IntArray, step: float) -> FloatArray:
+def sampled_gauss_markov(m: IntArray, step: float | FloatArray) -> FloatArray:
     """Allan variance of a Gauss-Markov process of unit variance, sampled every ``step`` of its correlation time.
 
     ``[m (1 - e^2) - 3 e + 4 e^(m+1) - e^(2m+1)] / (m (1 - e))^2``, ``e = exp(-step)``. For small steps it is the
     formula of the continuous process, but for the first few m, where point samples have more variance than means (22 %
     more deviation at m = 1).
+
+    Parameters
+    ----------
+    m : ndarray of int, shape (k,)
+        Averaging times in samples.
+    step : float or ndarray, shape (t, 1)
+        One step, or one for each row of what is returned: close together, the first chooses the formula of all.
     """
     x = m * step
-    if step > 1e-3:
+    if np.ravel(step)[0] > 1e-3:
         e = np.exp(-step)
         numerator = m * (1.0 - e * e) - 3.0 * e + 4.0 * e * np.exp(-x) - e * np.exp(-2.0 * x)
         return np.asarray(numerator / np.square(m * (1.0 - e)))
-    small, series, factor = np.minimum(x, 0.1), np.zeros_like(x), 0.5
-    for k in range(3, 13):
-        factor /= k
-        series = series + (-1) ** k * (4 - 2**k) * factor * small ** (k - 2)
+    small, series = np.minimum(x, 0.1), np.zeros_like(x)
+    for coefficient in _SERIES:
+        series = (series + coefficient) * small
     large = np.maximum(x, 0.1)
     u = -np.expm1(-large)
     # the first samples of a continuous path: exact at m = 1, where the series has 2/3 of it

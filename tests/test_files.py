@@ -157,7 +157,17 @@ def test_sha256_of_more_than_one_read(tmp_path):
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(None, "no such scenario file"), (b"a = [1,", "not a TOML file"), (b"a = '\xff'", "not a TOML file")],
+    [
+        (None, "no such scenario file"),
+        (b"a = [1,", "not a TOML file"),
+        (b"a = '\xff'", "not a TOML file"),
+        (b"a = " + b"9" * 5000, "not a TOML file"),
+        (b"a = 0x" + b"f" * 5000, "an integer has more than 64 bits"),
+        (b"a = [1, { b = [9223372036854775808] }]", "an integer has more than 64 bits"),
+        (b"a = " + b"[" * 100_000, "nested too deeply"),
+        (b"[" + b".".join([b"a"] * 5000) + b"]", "nested too deeply"),
+        (b"a" + b".a" * 60 + b" = 1", "nested too deeply"),
+    ],
 )
 def test_toml_errors_name_the_file_and_are_of_both_kinds(tmp_path, content, message):
     path = tmp_path / "a.toml"
@@ -167,6 +177,13 @@ def test_toml_errors_name_the_file_and_are_of_both_kinds(tmp_path, content, mess
         read_toml(path, missing="no such scenario file")
     assert str(caught.value).startswith(f"{path}: ")
     assert isinstance(caught.value, FileFormatError)
+
+
+def test_toml_has_the_integers_and_the_depth_of_its_standard(tmp_path):
+    (tmp_path / "a.toml").write_bytes(
+        b"\xef\xbb\xbfa = [-9223372036854775808, 9223372036854775807]\nb" + b".b" * 40 + b" = 1"
+    )
+    assert read_toml(tmp_path / "a.toml")["a"] == [-(2**63), 2**63 - 1]
 
 
 def test_toml_of_a_folder_is_refused_in_words(tmp_path):

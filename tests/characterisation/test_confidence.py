@@ -1,5 +1,7 @@
 """Degrees of freedom and bounds: exact moments, the published algorithm, the true coverage."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
@@ -473,6 +475,11 @@ def test_kinds_that_are_another_with_a_factor_have_its_differences():
     """Time deviation is tau / sqrt(3) times modified; total variance extends the record of the overlapping one."""
     for kind, other in (("time", "modified"), ("total", "overlapping")):
         assert differences(kind, 7, 100) == differences(other, 7, 100)
+    assert [differences(k, 7, 100).modified for k in ("overlapping", "non-overlapping", "modified")] == [
+        False,
+        False,
+        True,
+    ]
     for overlapping, count in ((True, 100 - 3 * 7 + 1), (False, 12)):  # the third difference needs three averages
         d = differences("overlapping hadamard" if overlapping else "hadamard", 7, 100)
         assert (d.order, d.modified, d.count) == (3, False, count)
@@ -537,7 +544,7 @@ def test_averaging_times_that_are_computed(n):
     every = np.arange(1, n // 2 + 1)
     nodes = every[_nodes(every, n)]
     assert (nodes[0], nodes[-1]) == (1, n // 2)
-    for m, following in zip(nodes[1:-1], nodes[2:], strict=True):
+    for m, following in pairwise(nodes[1:]):
 
         def allowed(m, following=following):
             return m * (1.1 if 6 * m > n else 1.3 if 40 * m > n else 1.9) <= following

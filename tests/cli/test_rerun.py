@@ -55,6 +55,14 @@ def test_what_is_no_run_is_refused(tmp_path, capsys):
     assert "expected a folder of schuler navigate with run.json" in refusal(capsys, "rerun", tmp_path)
     (tmp_path / "run.json").write_text("{}")
     assert "expected a run of format schuler/run/1" in refusal(capsys, "rerun", tmp_path)
+    (tmp_path / "metrics.json").write_text("{}")
+    good = {"schuler": "1", "log": "a", "sources": {}, "part": [], "unchecked": False, "config": {}}
+    for key, wrong in (("log", 3), ("sources", []), ("part", 5), ("config", [])):
+        (tmp_path / "run.json").write_text(json.dumps({"format": "schuler/run/1", **good, key: wrong}))
+        assert f"is damaged: {key} cannot be" in refusal(capsys, "rerun", tmp_path)
+    for text in ("[" * 100_000, '{"a":' * 50_000, "9" * 5000, "{"):
+        (tmp_path / "run.json").write_text(text)
+        assert "expected the JSON that schuler navigate wrote" in refusal(capsys, "rerun", tmp_path)
 
 
 def test_a_calibration_and_a_base_station_are_inputs(town, tmp_path):

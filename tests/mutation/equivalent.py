@@ -131,3 +131,66 @@ _same(
     {"(1.0": "( 2.0"},
     "of twice the size, a quarter of the strength",
 )
+_same(
+    "calibration.bench.gauss_helmert",
+    'float((q.S[0] / q.S[-1]) ** 2) if r == len(q.S) == q.Vt.shape[0] else float("inf"),',
+    {"shape[0]": "shape[ 1]"},
+    "the matrix is square",
+)
+_same(
+    "calibration.bench.gauss_helmert",
+    "Order: TypeAlias = Literal[3, 6, 9]",
+    {"3,": " 2,", "6": " 5", "9": " 8"},
+    "a type for readers and checkers",
+)
+_same(
+    "calibration.bench.gauss_helmert",
+    "stages = [free & (np.arange(9) < m) for m in (3, 6, 9) if m <= order]",
+    {"< m": "<= m"},
+    "where the iteration begins, not where it ends",
+)
+_same(
+    "calibration.bench.gauss_helmert",
+    "e * L, (v - p.rho) * L, np.sqrt(C * np.clip(redundancy, 0.0, 1.0)) / (2.0 * p.rho) * L,",
+    {"1.0": " 2.0"},
+    "a redundancy is above one by rounding only",
+)
+_CONFIDENCE = {
+    "below = min(floor(alpha), 1)": ({"1)": "2)"}, "the exponent above has no share then"),
+    "variance = autocovariance(d, ((1.0, exponent),), 1.0, np.zeros(1))[0]": (
+        {"1.0, np": "0.0, np", "), 1.0": "), 2.0", "s(1)": "s( 2)", "[0]": "[ -1]"},
+        "lags of power laws are counted in samples; one lag is asked for",
+    ),
+    "share = dof(short, power_law(alpha, short), 1.0) / dof(long, power_law(alpha, long), 1.0)": (
+        {"short), 1.0": "short), 0.0", "short), 1": "short), 2", "long), 1": "long), 2"},
+        "lags of power laws are counted in samples: the interval is not read",
+    ),
+    "chi_square = freedom > _CHI_SQUARE_FROM": ({">": ">="}, "degrees of freedom are never 20 to the last bit"),
+    "for i in range(len(ms) - 2, -1, -1):": (
+        {"- 2": "- 1", "-1,": "- 2,"},
+        "the last one is no fraction of itself",
+    ),
+    "f, step = 0.5 / tau, 1.1": ({"0.5": "-0.5"}, "spectra are even"),
+    "f = 0.5 / tau": ({"0.5": "-0.5"}, "a ratio of spectra, which are even"),
+    "freedom = np.array([dof(Differences(2, int(m), n), ((1.0, 0),), dt) for m in ms])": (
+        {"((1.0": "(( 2.0"},
+        "degrees of freedom do not depend on the size of a noise",
+    ),
+    "return ((1.0, White(1.0)),)": (
+        {"((1.0": "(( 2.0", "White(1.0": "White( 2.0"},
+        "bounds do not depend on the size of a noise",
+    ),
+    "w = np.sqrt(0.5 * freedom) / model": ({"0.5": " 1.5"}, "a factor of all weights"),
+    "return tuple((float(s) * unit, part) for s, (part, _) in zip(strength, parts, strict=True) if s > 0.0)": (
+        {"strict=True": "strict=False"},
+        "there is a strength for each part",
+    ),
+    "walk = RandomWalk(1.0)": ({"1.0": " 2.0"}, "of twice the size, a quarter of the strength"),
+    "u = np.linspace(-1.0, 1.0, len(z))": (
+        {"-1.0": "- 0.0", "-1": "- 2", " 1.0, len": " 0.0, len", " 1.0, l": " 2.0, l"},
+        "a parabola is one over any interval",
+    ),
+    "if delta < 0.25 or differenced == 3:": ({"<": "<="}, "never a quarter to the last bit"),
+}
+for _line, (_mutants, _why) in _CONFIDENCE.items():
+    _same("characterisation.confidence", _line, _mutants, _why)

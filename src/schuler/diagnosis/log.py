@@ -274,6 +274,8 @@ def _is_json(text: str, *, complete: bool) -> bool:
         json.loads(text)
     except json.JSONDecodeError:
         return not complete and text[:2].strip() in ("{", '{"', "[", "[{")
+    except (ValueError, RecursionError):  # numbers of thousands of digits, deep nesting
+        return True
     return True
 
 

@@ -97,7 +97,7 @@ def document_of(path: Path) -> dict[str, Any]:
     try:
         document = json.loads((pq.read_schema(path).metadata or {})[_KEY])
         assert {"runs", "first", "columns", "failures"} <= set(document)
-    except (OSError, ValueError, KeyError, AssertionError) as error:
+    except (OSError, ValueError, KeyError, AssertionError, RecursionError) as error:
         raise FileFormatError(
             f"damaged or no part of a campaign ({error}); delete it, and its runs are done anew", path
         ) from None

@@ -181,7 +181,7 @@ def read_manifest(folder: Path | str) -> dict[str, Any]:
         manifest = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise FileFormatError("no such file: the folder is not the store of a campaign", path) from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise FileFormatError(f"not a manifest of a campaign: {error}", path) from None
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
         what = manifest.get("format") if isinstance(manifest, dict) else manifest

@@ -80,7 +80,7 @@ def read_run_folder(folder: Path | str) -> RunFolder:
     return RunFolder(
         folder, Path(entries["log"]), entries["sources"], tuple(entries["part"]), entries["unchecked"],
         NavigationConfig.parse(entries["config"], str(folder / "run.json")),
-        (folder / "metrics.json").read_text(encoding="utf-8"), entries["schuler"],
+        _numbers_text(folder / "metrics.json"), entries["schuler"],
     )  # fmt: skip
 
 
@@ -207,14 +207,27 @@ def _document(path: Path) -> dict[str, Any]:
         raise InputError(
             f"{path.parent}: expected a folder of schuler navigate with run.json, got none; give its --out"
         ) from None
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, RecursionError) as error:
         raise FileFormatError(f"expected the JSON that schuler navigate wrote ({error})", path) from None
     needed = ("schuler", "log", "sources", "part", "unchecked", "config")
     if not isinstance(data, dict) or data.get("format") != FORMAT or any(key not in data for key in needed):
         raise FileFormatError(f"expected a run of format {FORMAT}, got {str(data)[:60]!r}", path)
     if not (path.parent / "metrics.json").is_file():
         raise FileFormatError("expected metrics.json beside it, got none", path)
+    kinds = {"log": str, "sources": dict, "part": list, "unchecked": bool, "config": dict}
+    if wrong := [key for key, kind in kinds.items() if not isinstance(data[key], kind)]:
+        raise FileFormatError(f"is damaged: {', '.join(wrong)} cannot be what a run has; navigate again", path)
     return data
+
+
+def _numbers_text(path: Path) -> str:
+    """Text of ``metrics.json``, if it is JSON."""
+    try:
+        text = path.read_text(encoding="utf-8")
+        json.loads(text)
+    except (ValueError, OSError, RecursionError) as error:
+        raise FileFormatError(f"expected the JSON that schuler navigate wrote ({error})", path) from None
+    return text
 
 
 def input_checksums(recording: Recording, config: NavigationConfig) -> dict[str, str]:

@@ -31,7 +31,7 @@ def read_geojson(path: Path) -> tuple[tuple[tuple[str, FloatArray], ...], str]:
     """
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise FileFormatError(
             f"background: expected GeoJSON, longitude and latitude in degrees; this is not JSON: {error}", path
         ) from None
@@ -39,18 +39,22 @@ def read_geojson(path: Path) -> tuple[tuple[tuple[str, FloatArray], ...], str]:
         raise FileFormatError(
             'background: expected GeoJSON, an object with a "type"; of Overpass results take the GeoJSON export', path
         )
+    try:
+        lines = [(_role(tags), kind, points) for tags, kind, x in _geometries(data) for points in _lines(kind, x)]
+    except (TypeError, AttributeError, RecursionError):
+        raise FileFormatError(
+            "background: expected GeoJSON; its features are of other kinds or nested too deeply", path
+        ) from None
     shapes = []
-    for tags, kind, coordinates in _geometries(data):
-        role = _role(tags)
-        for points in _lines(kind, coordinates):
-            try:
-                lonlat = np.array([p[:2] for p in points], dtype=np.float64).reshape(-1, 2)
-            except (TypeError, ValueError, IndexError):
-                raise FileFormatError(
-                    f"background: coordinates of a {kind} are not lists of [longitude, latitude]", path
-                ) from None
-            if len(lonlat) > 1:
-                shapes.append((role, lonlat))
+    for role, kind, points in lines:
+        try:
+            lonlat = np.array([p[:2] for p in points], dtype=np.float64).reshape(-1, 2)
+        except (TypeError, ValueError, IndexError):
+            raise FileFormatError(
+                f"background: coordinates of a {kind} are not lists of [longitude, latitude]", path
+            ) from None
+        if len(lonlat) > 1:
+            shapes.append((role, lonlat))
     if not shapes:
         raise FileFormatError("background: expected lines or polygons, found none", path)
     extreme = max(float(np.abs(p[:, 0]).max()) for _, p in shapes), max(float(np.abs(p[:, 1]).max()) for _, p in shapes)

@@ -144,6 +144,21 @@ def test_edits_that_go_wrong_are_named(old, new, message, tmp_path):
     assert message in refused(TEXT.replace(old, new), tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("? [a, b]\n: 1\n", "edited.yaml:1: expected a name before the colon"),
+        ("a: 1\n? {b: 1}\n: 2\n", "edited.yaml:2: expected a name before the colon"),
+        ("a: " + "[" * 20_000, "nested too deeply"),
+        ("a: " + "9" * 5000, "not a YAML file: Exceeds the limit"),
+        ("2026-99-99: 1\n", "not a YAML file: month must be in 1..12"),
+        ("a: !!python/object/apply:os.getcwd []\n", "could not determine a constructor"),
+    ],
+)
+def test_yaml_that_no_calibration_has_is_refused(text, message, tmp_path):
+    assert message in refused(text, tmp_path)
+
+
 def test_a_name_twice_is_refused_with_its_line(tmp_path):
     """Plain YAML would take the last without a word."""
     text = TEXT.replace("  b_a_x: 0.1 ", "  b_a_y: 0.1 ")

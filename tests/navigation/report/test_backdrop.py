@@ -282,3 +282,22 @@ def test_a_picture_is_put_into_the_page_and_the_figure(full, tmp_path):
     assert "http" not in data
     drawn = figures.plot_track(full.result, background=tmp_path / "photo.jpg")
     assert len(drawn.axes[0].images) == 1
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"type": "FeatureCollection", "features": 3}',
+        '{"type": "FeatureCollection", "features": [3]}',
+        '{"type": "GeometryCollection", "geometries": 3}',
+        '{"type": "MultiPolygon", "coordinates": [3]}',
+        '{"type": "Feature", "properties": [1], "geometry": {"type": "LineString", "coordinates": [[1, 2], [3, 4]]}}',
+        "[" * 100_000,
+        "9" * 5000,
+    ],
+)
+def test_geojson_of_other_kinds_is_refused(tmp_path, text):
+    path = tmp_path / "map.geojson"
+    path.write_text(text)
+    with pytest.raises(FileFormatError, match=r"map\.geojson: background: expected GeoJSON"):
+        read_backdrop(path)

@@ -140,6 +140,8 @@ def _loaded(text: str, path: Path) -> Any:
     def mapping(loader: Any, node: Any) -> dict[Any, Any]:
         seen = set()
         for key, _ in node.value:
+            if not isinstance(key.value, str):
+                raise FileFormatError("expected a name before the colon", path, _line(key.start_mark))
             if key.value in seen:
                 raise FileFormatError(
                     f"the entry {key.value!r} is there twice; remove one", path, _line(key.start_mark)
@@ -156,6 +158,10 @@ def _loaded(text: str, path: Path) -> Any:
         raise FileFormatError(
             f"not a YAML file: {problem}", path, _line(getattr(error, "problem_mark", None))
         ) from None
+    except RecursionError:
+        raise FileFormatError("not a calibration: its entries are nested too deeply", path) from None
+    except ValueError as error:  # of dates that do not exist, of numbers of thousands of digits
+        raise FileFormatError(f"not a YAML file: {error}", path) from None
 
 
 def _line(mark: Any) -> int | None:

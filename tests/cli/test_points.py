@@ -3,9 +3,11 @@
 import json
 from dataclasses import replace
 
+import encode_rtcm
 import numpy as np
 import pytest
 from command import answer, refusal, run
+from receiver_pairs import pair
 from sky import EPOCH, HOME, ephemerides, observe
 
 import schuler
@@ -15,7 +17,7 @@ from schuler.recording import Recording
 from schuler.recording.io import write
 from schuler.recording.recording import Metadata
 from schuler.recording.trajectory import Trajectory
-from schuler.timebase import TimeBase, calendar, week_tow
+from schuler.timebase import WEEK_S, TimeBase, calendar, week_tow
 
 BARE = ("--ionosphere", "none", "--troposphere", "none")  # the sky of the tests has no air
 SPEED_N = np.array([3.0, 1.0, 0.0])
@@ -261,6 +263,8 @@ def test_what_cannot_be_solved_is_refused(sky, folder, tmp_path, capsys):
     assert "expected one file of raw measurements" in refused(folder)
     fixes = tmp_path / "fixes.csv"
     fixes.write_text("t,lat,lon,height\n" + "".join(f"{k},47.0,8.0,400\n" for k in range(9)), encoding="utf-8")
+    (tmp_path / "numbers.csv").write_text("".join(f"{k},{k},1,2,3\n" for k in range(9)), encoding="utf-8")
+    assert "it is none of these" in refused(tmp_path / "numbers.csv")
     assert "--reference" in refused(tmp_path / "away.obs", *nav, *BARE, "--reference", fixes)
 
 
@@ -278,3 +282,25 @@ def test_a_folder_of_a_receiver_just_works(shared_data, tmp_path, capsys):
         tmp_path / "again",
     )  # fmt: skip
     assert again["median_hpl_m"] == data["median_hpl_m"]
+
+
+def test_a_stream_needs_its_week(tmp_path, capsys):
+    """RTCM 3 has the time of week: the option is asked for, and positions are those of the receiver's own log."""
+    pytest.importorskip("pyrtcm")
+    p = pair(np.random.default_rng(3), lambda _: (200.0, -220.0, 5.0), np.arange(6.0), bands=("1C",), each=12)
+    base = replace(p.base, t=np.round(p.base.t, 6), range_rate=np.zeros(len(p.base)), cn0=np.round(p.base.cn0))
+    frames = [encode_rtcm.msm(base, s, t, 7, 600) for t in np.unique(base.t) for s in "GEC"]
+    (tmp_path / "base.rtcm3").write_bytes(b"".join(frames))
+    messages = tmp_path / "messages.parquet"
+    write(
+        Recording(ephemerides=p.ephemerides, observations=base, metadata=Metadata("m", TimeBase("gps", EPOCH))),
+        messages,
+    )
+    call = ("points", tmp_path / "base.rtcm3", "--nav", messages, "--no-report", "--out", tmp_path / "out")
+    assert "--time gps-tow:WEEK" in refusal(capsys, *call)
+    week = int(base.epoch_gps_s // WEEK_S)
+    data = answer(capsys, *call, "--time", f"gps-tow:{week}", "--ionosphere", "none", "--json")
+    assert data["solved"] == 6
+    at = schuler.read(tmp_path / "out" / "points.pos").gnss.llh
+    # the sky of pairs has a troposphere like ours; an MSM's stamps are whole milliseconds, 1 m of a satellite's way
+    np.testing.assert_allclose(at[:, 2], llh_from_ecef(HOME)[2], atol=5.0)

@@ -198,7 +198,7 @@ _ELSEWHERE = {"field": "schuler.cli.calibrate_field:field"}
 
 
 #: Commands that take hints on how a log is read as options.
-HINTED = ("info", "check", "convert", "allan", "calibrate", "apply", "foot")
+HINTED = ("info", "check", "convert", "allan", "calibrate", "apply", "foot", "points")
 #: Commands that take hints on how a log is read as entries of a configuration.
 CONFIGURED = ("navigate", "init")
 #: Commands that write no file.

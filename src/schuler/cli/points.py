@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 _ALL = Part()
 _NO_EPHEMERIS, _NOT_SELECTED = 1, 7  # of schuler.gnss.ranges.REASONS
 _NOT_ASKED_FOR = 7  # of schuler.gnss.point_result.STATUS
+_MEASURED = "raw measurements of a receiver (RINEX observations, u-blox RXM-RAWX, RTCM 3, GnssLogger)"
+_OF_ANYTHING = (".parquet", ".mat")
 #: Names of options by those of the library's arguments.
 _OPTIONS = {"missed_detection": "--risk", "elevation_mask": "--elevation-mask", "cn0_mask": "--cn0-mask"}
 
@@ -71,8 +73,8 @@ def points(
     cn0_mask
         Weakest signal in dB-Hz.
     ionosphere
-        klobuchar: model with GPS's coefficients; maps: of an IONEX file among --nav; free: taken out by two bands;
-        none: for simulators without one.
+        klobuchar: model with GPS's coefficients; beidou: with those of BeiDou; maps: of an IONEX file among --nav;
+        free: taken out by two bands; none: for simulators without one.
     troposphere
         saastamoinen, or none.
     risk
@@ -152,6 +154,7 @@ def _log(log: Path, nav: tuple[Path, ...], time: str | None) -> Recording:
     """The log with what it has of messages; of a folder the receiver's file and all navigation files."""
     from schuler.recording.formats import registry
     from schuler.recording.io import dispatch
+    from schuler.recording.io.folder import recognised
     from schuler.recording.io.hints import ReadHints
     from schuler.recording.io.satellite_files import channels_of
 
@@ -170,7 +173,12 @@ def _log(log: Path, nav: tuple[Path, ...], time: str | None) -> Recording:
         if not path.exists():
             raise InputError(f"--nav {path}: no such file")
         channels |= channels_of(dispatch.read(path))  # GLONASS's, which RINEX 2 does not state
-    return dispatch.read_one(log, ReadHints.of(**hints), channels)
+    try:
+        return dispatch.read_one(log, ReadHints.of(**hints), channels)
+    except (FileFormatError, InputError):
+        if "observations" in recognised(log) or log.suffix.lower() in _OF_ANYTHING:
+            raise
+        raise InputError(f"{log}: expected {_MEASURED}; it is none of these") from None
 
 
 def _files(folder: Path) -> tuple[str, list[str], list[str]]:
@@ -188,8 +196,7 @@ def _files(folder: Path) -> tuple[str, list[str], list[str]]:
     if not measured:
         inside = ", ".join(p.name for p in list(held)[:8]) or "no files"
         raise InputError(
-            f"{folder}: expected one file of raw measurements (RINEX observations, u-blox RXM-RAWX, RTCM 3, "
-            f"GnssLogger), got {inside}; give the file itself"
+            f"{folder}: expected one file of {_MEASURED}, got {inside}; give the file itself, with its --nav"
         )
     note: list[str] = []
     if len({p.stem for p in measured}) == 1 and len(measured) > 1:
@@ -215,10 +222,7 @@ def _ranges(recording: Recording, log: Path, nav: tuple[Path, ...], options: dic
         note = "the log's ranges are corrected already: systems, masks and models are theirs"
         return replace(recording.ranges, notes=(*recording.ranges.notes, note))
     if o is None or not len(o):
-        raise InputError(
-            f"{log}: expected raw measurements of a receiver (RINEX observations, u-blox RXM-RAWX, RTCM 3, "
-            f"GnssLogger), got {recording.summary(notes=False).splitlines()[0]}"
-        )
+        raise InputError(f"{log}: expected {_MEASURED}, got {recording.summary(notes=False).splitlines()[0]}")
     messages = ephemerides_of([recording], nav, f"{log} has no ephemerides{_beside(log)}")
     ranges = prepare_ranges(o, messages, **options)
     if np.isin(ranges.reason, (_NOT_SELECTED, _NO_EPHEMERIS)).all():
@@ -260,8 +264,9 @@ def _truth(reference: Path, points: PointSolution, about: Metadata, notes: list[
     try:
         run = read_run(reference)
     except (InputError, FileFormatError) as error:
+        problem = str(error).partition(": say ")[0]
         raise InputError(
-            f"--reference {error}; a table that does not say what its columns are is converted first, such as: schuler "
+            f"--reference {problem}; a table that does not say what its columns are is converted first, such as: schuler "
             f"convert {reference} truth.parquet --series reference --columns t,lat,lon,h --units angle=deg "
             "--time gps-tow:WEEK"
         ) from None

@@ -19,7 +19,21 @@ from schuler.navigation.report.innovations import system_role, systems_of
 from schuler.navigation.report.satellites import satellite_figures
 from schuler.navigation.report.track import plan_panel
 from schuler.plotting import parts
-from schuler.plotting.figure import TIME, Figure, Item, Limits, Markers, Panel, band, level, line, markers, path, view
+from schuler.plotting.figure import (
+    TIME,
+    Figure,
+    Item,
+    Limits,
+    Line,
+    Markers,
+    Panel,
+    band,
+    level,
+    line,
+    markers,
+    path,
+    view,
+)
 from schuler.plotting.page import Section, plotly_script, whole_page
 from schuler.plotting.table import shown
 from schuler.units import DEG
@@ -33,6 +47,7 @@ _SOLVED = (
 _SHORT = {
     0: "checked", 1: "unchecked", 2: "too few", 3: "geometry", 4: "diverged", 5: "fault", 6: "rivals", LINKED: "linked",
 }  # fmt: skip
+_WIDE = 10.0  # largest level over the median, from which one peak would flatten all the rest
 _LONGEST_ROUTE_S = 10.0  # pause across which the track is not drawn [s]
 _CONVENTIONS = (
     "Conventions: the antenna's place; heights are above the ellipsoid; north, east and down at each place; errors are "
@@ -176,7 +191,15 @@ def level_figure(evaluation: PointEvaluation) -> Figure | None:
             title = f"error beyond its level at {int(np.sum(beyond))} of {int(np.isfinite(error).sum())} epochs"
             if beyond.any():
                 items.append(markers(t[beyond], error[beyond], "rejected", "beyond its level"))
-        panels.append(Panel(TIME, f"{name} [m]", tuple(items), title=title, x_limits=span, log=True))
+        drawn = np.concatenate([i.y[np.isfinite(i.y)] for i in items if isinstance(i, Line)])
+        top = float(drawn.max())
+        wide = top > _WIDE * float(np.median(drawn))
+        panels.append(
+            Panel(
+                TIME, f"{name} [m]", tuple(items), title=title, x_limits=span, log=wide,
+                y_limits=None if wide else (0.0, 1.05 * top),
+            )
+        )  # fmt: skip
     caption = (
         "How far off a position may be if one satellite is at fault by any amount and the test passes, but for the "
         "risk asked for; positions without a spare satellite have no level."
@@ -284,7 +307,7 @@ def _satellites(evaluation: PointEvaluation) -> str:
         "mean residual [m]", "RMS [m]",
     )  # fmt: skip
     rows = [[shown(v) for v in row] for row in table.rows]
-    return parts.table("Ranges measured, used, and left out by why; residuals of those used", heads, rows)
+    return parts.table("Ranges measured, used in a position, and left out by why; residuals of those used", heads, rows)
 
 
 def _provenance(provenance: dict[str, Any] | None) -> str:

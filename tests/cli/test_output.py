@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from command import refusal
 
 from schuler.cli.configuration import period, window
 from schuler.cli.output import print_json, print_verdict, progress
@@ -72,3 +73,12 @@ def test_progress_on_a_terminal(capsys, monkeypatch):
         bar(0.5)
         bar(1.0)
     assert "working" in capsys.readouterr().err
+
+
+def test_too_little_memory_is_one_sentence(tmp_path, capsys):
+    """A mission of thirty million years."""
+    motion = 'type = "manoeuvres"\nlat_deg = 48.0\nlon_deg = 11.0\nmanoeuvres = [{ duration_s = 1e15 }]\n'
+    (tmp_path / "long.toml").write_text(f'[motion]\n{motion}[imu]\nrate_hz = 100.0\ncatalogue = "MTi-G-710"\n')
+    message = refusal(capsys, "simulate", tmp_path / "long.toml", "--out", tmp_path / "long.parquet")
+    assert "expected enough memory for what was asked" in message
+    assert [p.name for p in tmp_path.iterdir()] == ["long.toml"]

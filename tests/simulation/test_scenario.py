@@ -179,6 +179,20 @@ def test_missing_and_broken_files(tmp_path):
         Scenario.load(tmp_path / "bad.toml")
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"imu": {"catalogue": "MTi-G-710", "rate_hz": 1e300}}, "more than 1e[+]10 samples: lower the rate"),
+        ({"gnss": {"rate_hz": 1e300}}, "more than 1e[+]10 measurements at 1e[+]300 Hz"),
+    ],
+)
+def test_rates_of_no_sensor_are_refused(change, message):
+    motion = {"type": "manoeuvres", "lat_deg": 48.0, "lon_deg": 11.0, "manoeuvres": [{"duration_s": 10.0}]}
+    data = {"motion": motion, "imu": {"catalogue": "MTi-G-710", "rate_hz": 50.0}, **change}
+    with pytest.raises(InputError, match=message):
+        simulate(Scenario.parse(data))
+
+
 def test_too_short_a_motion_for_the_rate():
     with pytest.raises(InputError, match="holds no two samples"):
         ideal_imu(StaticMotion(np.zeros(3), np.zeros(3), 0.1), 10.0)

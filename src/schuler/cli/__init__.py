@@ -40,6 +40,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         complain(printable(_of_the_system(error)))
         return 2
+    except MemoryError as error:
+        complain(f"expected enough memory for what was asked ({error}): take a part of it, or a lower rate")
+        return 2
     except KeyboardInterrupt:
         complain("interrupted")
         return 1

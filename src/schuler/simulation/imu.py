@@ -15,6 +15,8 @@ from schuler.recording.trajectory import FullTrajectory
 from schuler.sensors.errors import ApplyReport, ImuErrors
 from schuler.simulation.motion import Motion, ideal_increments, ideal_rates
 
+_MOST = 1e10  # samples: more than any memory holds
+
 
 class IdealImu(NamedTuple):
     """Output of a perfect IMU along a motion, and the true trajectory.
@@ -74,6 +76,11 @@ def ideal_imu(motion: Motion, rate_hz: float, *, kind: Kind = "increment", earth
     """
     if not rate_hz > 0.0:
         raise InputError(f"rate_hz: expected a positive rate, got {rate_hz!r}")
+    if motion.duration * rate_hz > _MOST:
+        raise InputError(
+            f"a motion of {motion.duration:g} s at {rate_hz:g} Hz has more than {_MOST:.0e} samples: lower the rate, "
+            "or simulate a part"
+        )
     n = int(np.floor(motion.duration * rate_hz + 1e-9))
     if n < 2:
         raise InputError(f"a motion of {motion.duration} s holds no two samples at {rate_hz} Hz")

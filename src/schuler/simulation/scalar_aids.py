@@ -15,6 +15,8 @@ from schuler.recording.series import OdometerSeries, ScalarSeries
 from schuler.sensors.noise import gauss_markov
 from schuler.simulation.motion import Motion
 
+_MOST = 1e10  # samples: more than any memory holds
+
 
 @dataclass(frozen=True, kw_only=True)
 class HeadingModel:
@@ -183,6 +185,10 @@ def simulate_odometer(
 
 def times(duration: float, rate_hz: float, first: float = 0.0) -> FloatArray:
     """Sample times of a sensor within a motion. Shape (n,). [s]"""
+    if duration * rate_hz > _MOST:
+        raise InputError(
+            f"a motion of {duration:g} s has more than {_MOST:.0e} measurements at {rate_hz:g} Hz: lower the rate"
+        )
     return np.arange(first, duration + 1e-9, 1.0 / rate_hz)
 
 

@@ -455,9 +455,12 @@ def _outages() -> dict[str, Callable]:
 
 def _solutions(run: Callable[[str], Any]) -> dict[str, Callable]:
     """Figures of a navigation run, by module and name."""
+    from carrier_town import slipped_town
+
     from schuler.gnss.point import solve_points
     from schuler.navigation.report import (
         accuracy,
+        carriers,
         estimates,
         figures,
         fixes,
@@ -518,6 +521,8 @@ def _solutions(run: Callable[[str], Any]) -> dict[str, Callable]:
         "navigation.report.points.level_figure": lambda: each(points.level_figure),
         "navigation.report.points.status_figure": lambda: each(points.status_figure),
         "navigation.report.points.residual_figure": lambda: each(points.residual_figure),
+        "navigation.report.carriers.carriers": lambda: carriers.carriers(slipped_town()[2]),
+        "navigation.report.carriers.protection": lambda: carriers.protection(slipped_town()[2]),
         "navigation.report.accuracy.separation": lambda: accuracy.separation(full()),
         "navigation.report.fixes.stated": lambda: fixes.stated(full(gnss=rated_fixes())),
         "recording.figures.log_content": lambda: logs.log_content(short_log(), rests=((1.0, 3.0),)),

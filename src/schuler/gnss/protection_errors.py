@@ -70,12 +70,15 @@ class Stanford:
     def figure(self) -> content.Figure:
         """Levels over errors, with the line on which both are equal and the alert limit on both axes.
 
-        What lies above the diagonal is within its level. Axes reach to twice the alert limit; what is beyond is drawn
-        on their edges.
+        What lies above the diagonal is within its level. Axes reach to the largest level or error, at most to twice the
+        alert limit; what is beyond is drawn on their edges.
         """
         from schuler.plotting.figure import Figure, Line, Markers, Panel, Text
 
-        top = 2.0 * self.alert_limit
+        sizes = np.concatenate((self.error, self.level[np.isfinite(self.level)]))
+        top = min(2.0 * self.alert_limit, 1.25 * float(sizes.max(initial=0.0)) or np.inf)
+        if not np.isfinite(self.level).all():
+            top = 2.0 * self.alert_limit
         error, level = np.minimum(self.error, top), np.minimum(self.level, top)
         inside = ~self.misleading
         kinds = (
@@ -87,12 +90,13 @@ class Stanford:
         items: list[content.Item] = [
             Markers(error[k], level[k], role, f"{label}: {int(k.sum())}") for label, k, role in kinds if k.any()
         ]
-        items += [
-            Line(edge, edge, "reference", "error = level"),
-            Line(edge, limit, "level", f"alert limit, {self.alert_limit:g} m"),
-            Line(limit, edge, "level"),
-            Text(0.5 * self.alert_limit, 1.9 * self.alert_limit, "not available"),
-        ]
+        items.append(Line(edge, edge, "reference", "error = level"))
+        if top > self.alert_limit:
+            items += [
+                Line(edge, limit, "level", f"alert limit, {self.alert_limit:g} m"),
+                Line(limit, edge, "level"),
+                Text(0.5 * self.alert_limit, 0.95 * top, "not available"),
+            ]
         panel = Panel(
             f"{self.direction} error [m]", f"{self.direction} protection level [m]", tuple(items),
             x_limits=(0.0, top), y_limits=(0.0, top), equal=True,

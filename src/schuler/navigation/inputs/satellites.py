@@ -20,7 +20,7 @@ from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.observations import Observations
 from schuler.gnss.point import solve_points
 from schuler.gnss.point_result import PointSolution
-from schuler.gnss.ranges import Ranges
+from schuler.gnss.ranges import REASONS, Ranges
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.satellite_noise import inflate_sigmas
 from schuler.navigation.sections import CorrelatedSection, TightSection
@@ -90,7 +90,9 @@ def satellites(recording: Recording, config: NavigationConfig, notes: list[str])
         notes += ranges.notes
     ranges = within_log(ranges, recording, config.imu.clock_shift_s)
     if not ranges.used.any():
-        raise InputError("no range is usable: check systems, masks, ephemerides and the times of both files")
+        raise InputError(
+            f"no range is usable: check systems, masks, ephemerides and the times of both files ({_why_not(ranges)})"
+        )
     ranges, solution = screened(ranges, config, notes)
     if not solution.ok.any():
         raise InputError(
@@ -102,6 +104,12 @@ def satellites(recording: Recording, config: NavigationConfig, notes: list[str])
     kept = _kept(ranges, section.min_satellites, section.max_satellites)
     ranges = replace(ranges, reason=np.where(ranges.used & ~kept, 8, ranges.reason))
     return ranges, Points(solution, gnss_series(solution))
+
+
+def _why_not(ranges: Ranges) -> str:
+    """Number of ranges by the reason against them."""
+    counts = [(int(np.sum(ranges.reason == k)), text) for k, text in REASONS.items() if k]
+    return ", ".join(f"{n} {text}" for n, text in counts if n) or "there are none"
 
 
 def corrected_ranges(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from schuler.navigation.report import accuracy, estimates, fixes, innovations, outages, satellites, track
+from schuler.navigation.report import accuracy, carriers, estimates, fixes, innovations, outages, satellites, track
 from schuler.navigation.report.subject import Subject
 from schuler.plotting.figure import Figure
 from schuler.recording.figures import log_content, spectrogram_content
@@ -47,7 +47,7 @@ def innovation_figures(subject: Subject) -> list[Figure]:
     figures: list[Figure | None] = []
     for kind in innovations.kinds(subject):
         figures.append(innovations.by_component(subject, kind))
-        if kind in innovations.SATELLITE_KINDS:
+        if kind in innovations.BY_SATELLITE:
             figures.append(innovations.by_satellite(subject, kind))
     return [f for f in figures if f is not None]
 
@@ -59,10 +59,15 @@ def separation_figures(subject: Subject) -> list[Figure]:
 
 
 def satellite_figures(subject: Subject) -> list[Figure]:
-    """Sky, satellites over time, numbers and dilutions, signal strengths; if the ranges are known."""
+    """Sky, satellites over time, numbers and dilutions, signal strengths, carriers, protection levels; if known."""
     if subject.ranges is None or not len(subject.ranges):
         return []
-    return satellites.satellite_figures(subject.ranges, subject.points, subject)
+    carrier = carriers.carriers(subject)
+    return [
+        *satellites.satellite_figures(subject.ranges, subject.points, subject),
+        *([] if carrier is None else [carrier]),
+        *carriers.protection(subject),
+    ]
 
 
 def log_figures(subject: Subject) -> list[Figure]:

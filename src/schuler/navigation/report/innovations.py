@@ -8,6 +8,7 @@ from schuler.arrays import FloatArray, IntArray
 from schuler.filtering.kinds import Kind, kind_display
 from schuler.filtering.measurements import (
     ACCEPTED,
+    CARRIER_CHANGE,
     FORCED,
     GATED,
     KINDS,
@@ -32,6 +33,7 @@ _GATED_SHOWN = 400
 
 #: Kinds of one number a satellite, and kinds that are put into the state and not weighed.
 SATELLITE_KINDS = (KINDS[PSEUDORANGE], KINDS[RANGE_RATE])
+BY_SATELLITE = (*SATELLITE_KINDS, KINDS[CARRIER_CHANGE])
 RESET_NAMES = tuple(KINDS[k] for k in RESET_KINDS)
 
 
@@ -64,7 +66,7 @@ def by_component(subject: Subject, kind: str) -> Figure:
     keep = np.isfinite(every.nis)
     inn = every.where(keep)
     t = subject.seconds(inn.t)
-    sat = subject.satellite_of(kind)[keep] if kind in SATELLITE_KINDS else np.zeros(len(inn), dtype=np.int64)
+    sat = subject.satellite_of(kind)[keep] if kind in BY_SATELLITE else np.zeros(len(inn), dtype=np.int64)
     panels = []
     for i, axis in enumerate(display.axes):
         three = 3.0 * inn.sigma[:, i] / display.factor
@@ -88,7 +90,7 @@ def by_component(subject: Subject, kind: str) -> Figure:
         "one sign means that something is not modelled; the last panel is the squared size against its prediction, "
         "about 1 for an honest filter."
     )
-    if kind in SATELLITE_KINDS:
+    if kind in BY_SATELLITE:
         caption += " The band is the mean one of the satellites of each epoch; the share counts each with its own."
     if len(gated):
         caption += (
@@ -204,6 +206,7 @@ def _normalised(subject: Subject, inn: Innovations, t: FloatArray) -> Panel:
 
 _MOST_SATELLITES = 24  # panels; the others have the fewest measurements
 _POINTS = 400  # kept of each satellite
+_FEWEST_POINTS = 3  # of a satellite that is shown
 
 
 def _tested(subject: Subject, kind: str) -> tuple[Innovations, IntArray]:
@@ -217,6 +220,8 @@ def by_satellite(subject: Subject, kind: str) -> Figure | None:
     """A panel for each satellite: its innovations with their 3-sigma; None where the satellites are not known."""
     inn, sat = _tested(subject, kind)
     numbers, count = np.unique(sat[sat > 0], return_counts=True)
+    identified, count = len(numbers), count[enough := count >= _FEWEST_POINTS]
+    numbers = numbers[enough]
     if not len(numbers):
         return None
     display = kind_display(kind)
@@ -241,7 +246,7 @@ def by_satellite(subject: Subject, kind: str) -> Figure | None:
         f"The same innovations ({display.text}), each satellite for itself on one scale: one that stays away from zero "
         "while the others do not is reflected, blocked or sick; all of them together point to the clock or the motion."
     )
-    left = len(numbers) - len(kept)
+    left = identified - len(kept)
     if left:
         caption += f" Not shown: {left} satellites with fewer measurements."
     unknown = int(np.sum(sat == 0))

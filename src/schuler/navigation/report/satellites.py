@@ -93,10 +93,10 @@ def timeline(ranges: Ranges, subject: Subject | None = None) -> Figure:
     numbers = np.unique(ranges.sat)[::-1]
     row = {int(s): k for k, s in enumerate(numbers)}
     items: list[Item] = list(outages(subject)) if subject is not None else []
-    step = _step(ranges.t)
+    step = usual_step(ranges.t)
     for letter in systems_of(ranges.sat):
         own = [s for s in numbers.tolist() if s // 100 == SYSTEMS.index(letter)]
-        parts = [_stretches(t, ranges.used & (ranges.sat == s), float(row[s]), step) for s in own]
+        parts = [stretches(t, ranges.used & (ranges.sat == s), float(row[s]), step) for s in own]
         x, y = (np.concatenate([p[i] for p in parts]) for i in range(2))
         if np.isfinite(x).any():
             items.append(Line(x, y, system_role(letter), f"{SYSTEM_NAMES[letter]}, used"))
@@ -107,11 +107,11 @@ def timeline(ranges: Ranges, subject: Subject | None = None) -> Figure:
         if len(k):
             if reason not in _SINGLE:
                 own = ranges.reason == reason
-                parts = [_stretches(t, own & (ranges.sat == s), float(row[int(s)]), step) for s in numbers]
+                parts = [stretches(t, own & (ranges.sat == s), float(row[int(s)]), step) for s in numbers]
                 x, y = (np.concatenate([p[i] for p in parts]) for i in range(2))
                 items.append(Line(x, y, role, REASONS[reason]))
                 continue
-            k = _spread_out(t, place, k, span)
+            k = spread_out(t, place, k, span)
             items.append(Markers(t[k], place[k], role, REASONS[reason]))
     items += _rejected(subject, row, span)
     panel = Panel(
@@ -243,7 +243,7 @@ def _rejected(subject: Subject | None, row: dict[int, int], span: Limits) -> lis
         k = np.flatnonzero((inn.status == REJECTED) & np.isin(sat, list(row)))
         if len(k):
             t, place = subject.seconds(inn.t), np.array([row.get(int(s), -1) for s in sat], dtype=np.float64)
-            k = _spread_out(t, place, k, span)
+            k = spread_out(t, place, k, span)
             items.append(Markers(t[k], place[k], role, f"{kind.replace('_', ' ')} rejected by the filter"))
     return items
 
@@ -281,13 +281,13 @@ def _span(t: FloatArray, subject: Subject | None) -> Limits:
     return (float(t[0]), max(float(t[-1]), float(t[0]) + 1e-3)) if subject is None else subject.span
 
 
-def _step(t: FloatArray) -> float:
+def usual_step(t: FloatArray) -> float:
     """Usual time between epochs. [s]"""
     steps = np.diff(np.unique(t))
     return float(np.median(steps)) if len(steps) else 1.0
 
 
-def _stretches(t: FloatArray, used: BoolArray, height: float, step: float) -> tuple[FloatArray, FloatArray]:
+def stretches(t: FloatArray, used: BoolArray, height: float, step: float) -> tuple[FloatArray, FloatArray]:
     """A horizontal line wherever something is used without a pause, with a NaN between two of them."""
     when = t[used]
     if not len(when):
@@ -300,7 +300,7 @@ def _stretches(t: FloatArray, used: BoolArray, height: float, step: float) -> tu
     return x, np.where(np.isnan(x), np.nan, height)
 
 
-def _spread_out(t: FloatArray, place: FloatArray, k: IntArray, span: Limits) -> IntArray:
+def spread_out(t: FloatArray, place: FloatArray, k: IntArray, span: Limits) -> IntArray:
     """At most one of the marks in each three-hundredth of the time axis and each row."""
     cell = np.floor(300.0 * (t[k] - span[0]) / (span[1] - span[0])).astype(np.int64)
     _, first = np.unique(np.column_stack((place[k].astype(np.int64), cell)), axis=0, return_index=True)

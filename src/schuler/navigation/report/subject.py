@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from schuler import frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, IntArray
 from schuler.exceptions import InputError
-from schuler.filtering.measurements import KINDS, POSITION, PSEUDORANGE, UNUSED, in_windows
+from schuler.filtering.measurements import CARRIER_CHANGE, KINDS, POSITION, PSEUDORANGE, UNUSED, in_windows
+from schuler.gnss.carrier import carrier_changes
 from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import Ranges
 from schuler.navigation.evaluation.consistency import (
@@ -127,16 +128,24 @@ class Subject:
         return np.where(distance < _NEAR_FIX, names[k], "none")
 
     def satellite_of(self, kind: str) -> IntArray:
-        """Satellite of each innovation of a kind (``pseudorange``, ``range_rate``), 0 if unknown."""
+        """Satellite of each innovation of ``pseudorange``, ``range_rate`` or ``carrier_change``, 0 if unknown."""
         if kind not in self._satellites:
             t = self.result.innovations.of(kind).t
-            of_rates = kind != KINDS[PSEUDORANGE]
             self._satellites[kind] = (
                 np.zeros(len(t), dtype=np.int64)
                 if self.ranges is None
-                else matched_satellites(t, self.ranges, self.ranges.range_rate if of_rates else self.ranges.pseudorange)
+                else matched_satellites(t, self.ranges, self._offered(kind, self.ranges))
             )
         return self._satellites[kind]
+
+    @staticmethod
+    def _offered(kind: str, ranges: Ranges) -> FloatArray:
+        """What each row of the ranges offers of a kind, NaN where nothing. Shape (n,)."""
+        if kind != KINDS[CARRIER_CHANGE]:
+            return ranges.pseudorange if kind == KINDS[PSEUDORANGE] else ranges.range_rate
+        c, offered = carrier_changes(ranges, 1.0), np.full(len(ranges), np.nan)
+        offered[c.now] = c.change
+        return offered
 
     @cached_property
     def _satellites(self) -> dict[str, IntArray]:

@@ -201,6 +201,29 @@ def test_too_few_satellites_are_a_failure_with_advice(sky, tmp_path, capsys):
     assert not (tmp_path / "out" / "points.pos").exists()
 
 
+def test_positions_without_a_velocity_are_not_lost(sky, tmp_path, capsys):
+    """A .pos file has velocities of all rows or of none: with three epochs without Doppler it has every position."""
+    eph, o = sky
+    for silent in (False, True):
+        rate = np.where(silent & (o.t > 5.0) & (o.t < 8.5), np.nan, o.range_rate)
+        log = saved(replace(o, range_rate=rate), eph, tmp_path / f"{silent}.parquet")
+        out = tmp_path / f"out-{silent}"
+        data = answer(capsys, "points", log, *BARE, "--no-report", "--json", "--out", out)
+        missing = len(np.unique(o.t[np.isnan(rate)]))
+        assert data["with_velocity"] == 20 - missing
+        fixes = schuler.read(out / "points.pos").gnss
+        assert (len(fixes), fixes.v_n is None) == (20, silent)
+        assert [row["v_north_m_s"] for row in table(out / "points.csv")].count("") == missing
+        assert any(f"{missing} of 20 positions have no velocity" in note for note in data["notes"]) == silent
+
+
+def test_less_risk_is_a_wider_level(folder, tmp_path, capsys):
+    call = ("points", folder, *BARE, "--no-report", "--json", "--force", "--out", tmp_path / "out", "--risk")
+    levels = [answer(capsys, *call, risk)["median_hpl_m"] for risk in ("1e-2", "1e-3", "1e-5")]
+    assert levels == sorted(levels)
+    assert levels[0] < levels[-1]
+
+
 def test_errors_are_against_the_reference(folder, tmp_path, capsys):
     """A reference 3 m south and 1 m up of the truth: errors are 3 m north and 1 m down, at the epochs it covers."""
     _, points = by_hand(folder)
@@ -220,6 +243,13 @@ def test_errors_are_against_the_reference(folder, tmp_path, capsys):
     code, out, _ = run(capsys, *call, "--no-report", "--force")
     assert code == 0
     assert "horizontal p50 3.0" in out
+    # nothing is compared in a pause of the reference
+    pause = (t > 8.0) & (t < 13.0)
+    write(Recording(reference=moved.samples(~pause), metadata=Metadata("t", TimeBase("gps", EPOCH - 100.0))), truth)
+    seconds = points.t - week_tow(EPOCH)[1]
+    fewer = int(np.sum((seconds > 8.0 + 1e-6) & (seconds < 13.0 - 1e-6)))
+    again = answer(capsys, *call, "--no-report", "--force", "--json")["errors"]
+    assert again["epochs"] == data["epochs"] - fewer < data["epochs"]
 
 
 def test_ranges_that_are_ready_are_solved_as_they_are(folder, tmp_path, capsys):

@@ -266,8 +266,8 @@ def _truth(reference: Path, points: PointSolution, about: Metadata, notes: list[
     except (InputError, FileFormatError) as error:
         problem = str(error).partition(": say ")[0]
         raise InputError(
-            f"--reference {problem}; a table that does not say what its columns are is converted first, such as: schuler "
-            f"convert {reference} truth.parquet --series reference --columns t,lat,lon,h --units angle=deg "
+            f"--reference {problem}; a table that does not say what its columns are is converted first, such as: "
+            f"schuler convert {reference} truth.parquet --series reference --columns t,lat,lon,h --units angle=deg "
             "--time gps-tow:WEEK"
         ) from None
     if not points.ok.any():

@@ -281,6 +281,7 @@ def test_what_cannot_be_solved_is_refused(sky, folder, tmp_path, capsys):
     assert "--systems: expected letters" in refused(folder / "rover.obs", *nav, "--systems", "X")
     assert "--systems R: expected some of those in" in refused(folder / "rover.obs", *nav, "--systems", "R")
     assert "--risk: expected a probability" in refused(folder / "rover.obs", *nav, "--risk", "2")
+    assert "--alert-limit: expected a positive" in refused(folder / "rover.obs", *nav, "--alert-limit", "0")
     assert "--ionosphere" in refused(folder / "rover.obs", *nav, "--ionosphere", "maps")
     late = replace(o, epoch_gps_s=o.epoch_gps_s + 604_800.0)
     assert "no ephemeris for any of its satellites" in refused(saved(late, eph, tmp_path / "week.parquet"))

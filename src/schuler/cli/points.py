@@ -100,6 +100,8 @@ def points(
     from schuler.gnss.point_evaluation import PointEvaluation
 
     began = clock.perf_counter()
+    if not 0.0 < alert_limit < np.inf:
+        raise InputError(f"--alert-limit: expected a positive number of metres, got {alert_limit}")
     whole = _log(log, nav, time)
     recording, backdrop = part.of(whole), None
     if background is not None:

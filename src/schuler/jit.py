@@ -155,6 +155,7 @@ def _quick_compilation(unrolled: bool) -> Iterator[None]:
 
     numba tries every implementation of ``a * b`` wherever it stands, which is a tenth of the time the filter takes.
     Python's search for cycles among the millions of objects that are made meanwhile, and soon freed, takes a sixth.
+    A twentieth each go into colours for messages of trials that nobody reads, and into lists of lists of variables.
     """
     functions, codegen = cast(Any, numba.types.functions.BaseFunction), cast(Any, numba.core.codegen)
     resolve = functions.get_call_type
@@ -168,17 +169,46 @@ def _quick_compilation(unrolled: bool) -> Iterator[None]:
             resolved[key] = resolve(self, context, args, kws)
         return resolved[key]
 
-    with _core.compiler_lock.global_compiler_lock, _without_cycle_search():
-        builder = None if unrolled else getattr(codegen, "create_pass_builder", None)  # a numba without it unrolls
-        functions.get_call_type = call_type
-        if builder is not None:
-            codegen.create_pass_builder = _passes_without_unrolling
-        try:
-            yield
-        finally:
-            functions.get_call_type = resolve
-            if builder is not None:
-                codegen.create_pass_builder = builder
+    with (
+        _core.compiler_lock.global_compiler_lock, _without_cycle_search(),
+        _replaced(functions, "get_call_type", call_type),
+        contextlib.nullcontext() if unrolled else _replaced(codegen, "create_pass_builder", _passes_without_unrolling),
+        _replaced(_core.errors, "_termcolor_inst", _PLAIN_MESSAGES),
+        _replaced(_core.ir.Inst, "_rec_list_vars", lambda _, value: _variables(value, [])),
+    ):  # fmt: skip
+        yield
+
+
+_PLAIN_MESSAGES = types.SimpleNamespace(
+    **dict.fromkeys(("code", "errmsg", "filename", "indicate", "highlight", "reset"), lambda text: text)
+)
+
+
+@contextlib.contextmanager
+def _replaced(owner: Any, name: str, value: Any) -> Iterator[None]:
+    """Attribute of numba with another value, and with its own again; a numba without it has nothing to replace."""
+    if not hasattr(owner, name):
+        yield
+        return
+    own = getattr(owner, name)
+    setattr(owner, name, value)
+    try:
+        yield
+    finally:
+        setattr(owner, name, own)
+
+
+def _variables(value: Any, variables: list[Any]) -> list[Any]:
+    """Variables in a part of numba's intermediate code, which are nested lists, appended in their order."""
+    if isinstance(value, _core.ir.Var):
+        variables.append(value)
+    elif isinstance(value, _core.ir.Inst):
+        variables.extend(value.list_vars())
+    elif isinstance(value, list | tuple | dict):
+        for part in value.values() if isinstance(value, dict) else value:
+            if not isinstance(part, (str, int, type(None))):
+                _variables(part, variables)
+    return variables
 
 
 @contextlib.contextmanager
@@ -367,14 +397,16 @@ def prepare(kernels: Iterable[tuple[Callable[..., Any], tuple[Any, ...]]], besid
     pending = [(k, types) for k, types in kernels if is_jitted(k) and not cast(Any, k).signatures]
     if not pending:
         return
-    for process in _beside.values():
-        process.wait()
-    if beside is not None and not all(_on_disk(k) for k, _ in pending):
-        _compile_beside(beside)
     notice = threading.Timer(_NOTICE_AFTER_S, _say_compiling)
     notice.daemon = True
     notice.start()
+    modules = {k.__module__ for k, _ in pending}
     try:
+        for name, process in _beside.items():
+            if name.partition(":")[0] in modules:
+                process.wait()
+        if beside is not None and not all(_on_disk(k) for k, _ in pending):
+            _compile_beside(beside)
         for k, types in pending:
             cast(Any, k).compile(types)
     finally:
@@ -394,6 +426,19 @@ def _on_disk(compiled: Any) -> bool:
 
 
 _beside: dict[str, subprocess.Popen[bytes]] = {}
+
+
+def prepare_beside(name: str, kernel: Callable[..., Any]) -> None:
+    """Have a kernel that is wanted later compiled meanwhile, unless it is on disk.
+
+    Parameters
+    ----------
+    name : str
+        ``module:function`` that prepares it, in the kernel's own module.
+    kernel : kernel
+    """
+    if is_jitted(kernel) and not cast(Any, kernel).signatures and not _on_disk(kernel):
+        _compile_beside(name)
 
 
 def _compile_beside(name: str) -> None:

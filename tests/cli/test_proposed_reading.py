@@ -72,6 +72,44 @@ def test_options_of_the_command_line_stay_as_a_shell_takes_them(tmp_path, capsys
     assert as_entries(text) == '--set recording.units=\'"g,deg/s"\' or units = "g,deg/s"'
 
 
+@pytest.mark.parametrize(
+    ("entry", "expected"),
+    [
+        ("recording.imu.colums=t,ax", r"--set recording\.imu\.colums: .*did you mean 'columns'\?"),
+        ("recording.inu.axes=FLU", r"--set recording\.inu\.axes: .*did you mean 'imu'\?"),
+        ("recording.imu=log.csv", r"such as recording\.imu\.file=log\.csv"),
+        ("recording.imu.axes=FLX", r"--set recording\.imu\.axes=FLX: expected three letters"),
+        ("recording.axis=FLU", "did you mean 'axes'"),
+        ("filter.stats=21", r"--set: filter\.stats: unknown entry; did you mean states"),
+        ("flter.states=21", "did you mean filter"),
+        ("imu.catalogue=MPU-60000", "did you mean MPU-6000"),
+    ],
+)
+def test_an_entry_that_there_is_not_is_refused_before_a_file_is_read(tmp_path, capsys, entry, expected):
+    """In the spelling of the command line, with the nearest one that there is; nothing is read or asked before."""
+    for command in ("init", "navigate"):
+        message = refusal(capsys, command, tmp_path / "none.csv", "--set", entry)
+        assert re.search(expected, message), message
+        assert "no such file" not in message
+
+
+def test_hints_of_the_imu_of_a_single_file_are_the_files_own(tmp_path, capsys):
+    """`recording.imu.units` of a log that is all there is reads as `recording.units`; another part has none."""
+    path = tmp_path / "rest.csv"
+    save(path, [])
+    units_of = "=accel=mg,gyro=deg/s,t=ms"
+    files = []
+    for name in ("recording.units", "recording.imu.units"):
+        fixes = ("--set", "alignment.method=given")  # a start: there are no fixes
+        out = tmp_path / f"{name}.toml"
+        run(capsys, "init", path, "--imu", "MPU-6000", "--set", f"{name}{units_of}", *fixes, "--set",
+            "alignment.rpy_deg=[0,0,0]", "--no-trials", "--out", out)  # fmt: skip
+        files.append(out.read_text() if out.exists() else "")
+    assert files[0] == files[1] != ""
+    message = refusal(capsys, "init", path, "--set", "recording.gnss.sigma=1,1,2")
+    assert "say recording.sigma" in message
+
+
 def test_options_stand(tmp_path):
     path = tmp_path / "rest.csv"
     _, w = save(path, [], scale_gyro=1.0)

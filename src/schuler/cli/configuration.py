@@ -72,6 +72,68 @@ def entries(texts: tuple[str, ...], *, sections: bool = True) -> list[tuple[str,
     return pairs
 
 
+def check_entries(changes: Sequence[tuple[str, Any]]) -> None:
+    """Refuse entries of ``--set`` that no configuration has, before a file is read.
+
+    Parameters
+    ----------
+    changes : sequence of (str, value)
+        See :func:`entries`.
+
+    Raises
+    ------
+    InputError
+        Naming the entry, and the nearest that there is.
+    """
+    from schuler.navigation.config import NavigationConfig
+    from schuler.navigation.sections import change_entry
+    from schuler.sensors import catalogue
+
+    data: dict[str, Any] = {}
+    for name, value in changes:
+        first, *parts = name.split(".")
+        if first == "recording" and value is not None:
+            _check_hint(name, parts, value)
+        elif first != "recording":
+            change_entry(data, name, value)
+    imu = data.get("imu")
+    if isinstance(imu, dict):
+        if isinstance(imu.get("catalogue"), str):
+            catalogue.entry(imu["catalogue"])
+        if not imu.keys() & {"catalogue", "spec", "gyro", "accel"}:
+            imu["catalogue"] = "consumer"
+    NavigationConfig.parse({"imu": {"catalogue": "consumer"}} | data, "--set")
+
+
+def _check_hint(name: str, parts: list[str], value: Any) -> None:
+    """Refuse a hint on how a log is read that there is not, or whose value cannot be read."""
+    from schuler.recording.io.columns import check_known
+    from schuler.recording.io.hint_texts import SATELLITES, SERIES
+    from schuler.recording.io.hints import ReadHints
+
+    *sections, key = parts
+    if len(sections) > 1:
+        raise InputError(f"--set {name}: expected recording.KEY=VALUE or recording.PART.KEY=VALUE")
+    if sections and sections[0] in ("streams", "scale"):  # a table of their own
+        return
+    hints, known = list(ReadHints.__dataclass_fields__), (*SERIES, *SATELLITES, "accel", "gyro")
+    for part in sections:
+        check_known(part, known, f"--set {name}")
+    if not sections and key in known and not isinstance(value, dict):
+        raise InputError(f"--set {name}={value}: expected a hint on that part, such as {name}.file={value}")
+    if not sections and key in known:
+        for hint, own in value.items():
+            _check_hint(f"{name}.{hint}", [key, hint], own)
+        return
+    check_known(key, [*hints, "file"] if sections else hints, f"--set {name}")
+    if key in ("file", "height", "geoid_separation"):  # the last two go together
+        return
+    try:
+        ReadHints.of(**{key: value})
+    except InputError as error:
+        raise InputError(f"--set {name}={value}: {str(error).removeprefix(f'{key}: ')}") from None
+
+
 def _numbers(text: str) -> list[float]:
     try:
         return [float(part) for part in text.split(":")]

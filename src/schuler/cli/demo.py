@@ -73,6 +73,9 @@ def run_demo(seed: int | None, bar: Any = None) -> tuple[EvaluatedRun, Any, floa
     bar : callable, optional
         Called with the fraction done.
     """
+    from schuler.filtering.kernels.run import compile_filter_beside
+
+    compile_filter_beside()
     from schuler.navigation.config import NavigationConfig
     from schuler.navigation.run import navigate
     from schuler.simulation.scenario import Scenario, prepare_mission, simulate_mission

@@ -91,11 +91,13 @@ def navigate(
     """
     from schuler.cli.reading import read_log
     from schuler.diagnosis.admission import checked
+    from schuler.filtering.kernels.run import compile_filter_beside
     from schuler.navigation.run import navigate as run
 
     began = time.perf_counter()
     if not logs:
         raise InputError("navigate: expected a file or folder, got none")
+    compile_filter_beside()
     figures, tables = drawable(figures), tabled()
     changes = entries(set)
     if calibration is not None:

@@ -47,8 +47,10 @@ def proposed(
     UndecidedError
         If a question is open and nobody is there to answer it.
     """
+    from schuler.cli.configuration import check_entries
     from schuler.proposal import UndecidedError, propose
 
+    check_entries(changes)
     given = dict(changes) | {f"aiding.{name}": None for name in without}
     for _ in range(_MOST):
         try:

@@ -20,7 +20,7 @@ from schuler.navigation.config import NavigationConfig
 from schuler.plotting.notebook import Displayed
 from schuler.proposal import cures, setup
 from schuler.proposal.decision import Decision, UndecidedError, option
-from schuler.proposal.files import SOMEWHERE, UNTIL, Files, files_of
+from schuler.proposal.files import SOMEWHERE, UNTIL, Files, files_of, hints_of
 from schuler.proposal.imu_model import imu_entries
 from schuler.proposal.toml import comment, section_lines
 from schuler.recording.io import dispatch, plain_text
@@ -132,8 +132,9 @@ def propose(
     """
     listed = [Path(p) for p in ([paths] if isinstance(paths, (str, Path)) else paths)]
     fixed = setup.nested(dict(given or {}))
-    files = files_of(listed, fixed.get("recording", {}))
-    diagnosis = _cured(files, fixed.get("recording", {}))
+    stated = hints_of(listed, fixed.get("recording", {}))
+    files = files_of(listed, stated)
+    diagnosis = _cured(files, stated)
     recording = cut(_read(files), *part)
     if recording.gnss is None and recording.ranges is None and recording.observations is None and not _starts(fixed):
         raise _without_fixes(files, recording)

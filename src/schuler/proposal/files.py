@@ -97,6 +97,34 @@ class Files:
         return [f"recording.{name}.{key}" for name in (HALVES if halves else (part,))]
 
 
+def hints_of(paths: Sequence[Path], given: Mapping[str, Any]) -> dict[str, Any]:
+    """The section ``[recording]`` as the user gave it; that of the IMU of a single file is the file's own.
+
+    Parameters
+    ----------
+    paths, given
+        See :func:`files_of`.
+
+    Raises
+    ------
+    InputError
+        If a single file is given hints of another part.
+    """
+    hints = dict(given)
+    if len(paths) != 1 or not paths[0].is_file():
+        return hints
+    for part in [p for p, entry in hints.items() if isinstance(entry, Mapping) and p not in ("streams", "scale")]:
+        own = dict(hints.pop(part))
+        if part != "imu" or "file" in own:
+            key = next(iter(own), "...")
+            raise InputError(
+                f"recording.{part}.{key}: {paths[0].name} is given alone, and has no part {part} of its own: say "
+                f"recording.{key}, or give the files of the run or their folder"
+            )
+        hints = own | hints
+    return hints
+
+
 def files_of(paths: Sequence[Path], given: Mapping[str, Any], *, complete: bool = False) -> Files:
     """Log and parts of a folder, a file or several.
 

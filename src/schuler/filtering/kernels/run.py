@@ -37,7 +37,7 @@ from schuler.filtering.kernels.update import (
     measurement_rows,
     reset,
 )
-from schuler.jit import borrowing, inlined, prepare
+from schuler.jit import borrowing, inlined, prepare, prepare_beside
 from schuler.mechanization.kernels import advance_ecef, cut_interval, fit_interval
 
 # Running counts: intervals and samples since the last propagation, measurements, records, nodes, updates, outputs,
@@ -363,3 +363,8 @@ def prepare_filter() -> None:
         ],
         beside="schuler.filtering.kernels.smoother:prepare_smoother",
     )
+
+
+def compile_filter_beside() -> None:
+    """Have :func:`run_filter` compiled while a log is simulated or read, unless it is on disk."""
+    prepare_beside("schuler.filtering.kernels.run:prepare_filter", run_filter)

@@ -178,6 +178,25 @@ def test_of_processes_that_begin_together_one_compiles(tmp_path):
     assert sorted(int(process.communicate(timeout=300.0)[0]) for process in processes) == [0, 1]
 
 
+def test_what_is_wanted_later_is_compiled_meanwhile(tmp_path):
+    """Only kernels of its module wait for that process; none is started for what is on disk."""
+    (tmp_path / "two.py").write_text(TWO)
+    (tmp_path / "other.py").write_text(TWO)
+    script = (
+        "import os; os.cpu_count = lambda: 2\n"
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
+        "import other, two; from schuler import jit\n"
+        "jit.prepare_beside('two:prepare_second', two.second)\n"
+        "assert list(jit._beside) == ['two:prepare_second']; process = jit._beside['two:prepare_second']\n"
+        "waited = []; process.wait = lambda wait=process.wait: waited.append(wait())\n"
+        "other.prepare_second(); assert not waited\n"
+        "two.prepare_second(); assert waited == [0]\n"
+        "assert two.second(1.0) == 3.0 and sum(two.second.stats.cache_hits.values()) == 1\n"
+        "jit._beside.clear(); jit.prepare_beside('other:prepare_second', other.second); assert not jit._beside"
+    )
+    in_a_process(["-c", script], tmp_path, 300.0)
+
+
 # ------------------------------------------------------------------------------- numbers and lanes, one cache
 
 NUMBERS = """

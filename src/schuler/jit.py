@@ -155,7 +155,6 @@ def _quick_compilation(unrolled: bool) -> Iterator[None]:
 
     numba tries every implementation of ``a * b`` wherever it stands, which is a tenth of the time the filter takes.
     Python's search for cycles among the millions of objects that are made meanwhile, and soon freed, takes a sixth.
-    A twentieth each go into colours for messages of trials that nobody reads, and into lists of lists of variables.
     """
     functions, codegen = cast(Any, numba.types.functions.BaseFunction), cast(Any, numba.core.codegen)
     resolve = functions.get_call_type
@@ -169,46 +168,17 @@ def _quick_compilation(unrolled: bool) -> Iterator[None]:
             resolved[key] = resolve(self, context, args, kws)
         return resolved[key]
 
-    with (
-        _core.compiler_lock.global_compiler_lock, _without_cycle_search(),
-        _replaced(functions, "get_call_type", call_type),
-        contextlib.nullcontext() if unrolled else _replaced(codegen, "create_pass_builder", _passes_without_unrolling),
-        _replaced(_core.errors, "_termcolor_inst", _PLAIN_MESSAGES),
-        _replaced(_core.ir.Inst, "_rec_list_vars", lambda _, value: _variables(value, [])),
-    ):  # fmt: skip
-        yield
-
-
-_PLAIN_MESSAGES = types.SimpleNamespace(
-    **dict.fromkeys(("code", "errmsg", "filename", "indicate", "highlight", "reset"), lambda text: text)
-)
-
-
-@contextlib.contextmanager
-def _replaced(owner: Any, name: str, value: Any) -> Iterator[None]:
-    """Attribute of numba with another value, and with its own again; a numba without it has nothing to replace."""
-    if not hasattr(owner, name):
-        yield
-        return
-    own = getattr(owner, name)
-    setattr(owner, name, value)
-    try:
-        yield
-    finally:
-        setattr(owner, name, own)
-
-
-def _variables(value: Any, variables: list[Any]) -> list[Any]:
-    """Variables in a part of numba's intermediate code, which are nested lists, appended in their order."""
-    if isinstance(value, _core.ir.Var):
-        variables.append(value)
-    elif isinstance(value, _core.ir.Inst):
-        variables.extend(value.list_vars())
-    elif isinstance(value, list | tuple | dict):
-        for part in value.values() if isinstance(value, dict) else value:
-            if not isinstance(part, (str, int, type(None))):
-                _variables(part, variables)
-    return variables
+    with _core.compiler_lock.global_compiler_lock, _without_cycle_search():
+        builder = None if unrolled else getattr(codegen, "create_pass_builder", None)  # a numba without it unrolls
+        functions.get_call_type = call_type
+        if builder is not None:
+            codegen.create_pass_builder = _passes_without_unrolling
+        try:
+            yield
+        finally:
+            functions.get_call_type = resolve
+            if builder is not None:
+                codegen.create_pass_builder = builder
 
 
 @contextlib.contextmanager

@@ -8,7 +8,7 @@ import pytest
 
 from schuler import units
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording.io import ReadHints, read
+from schuler.recording.io import ReadHints, lines, read
 
 SI = {"columns": "t,ax,ay,az,gx,gy,gz", "units": "m/s^2,rad/s"}
 HEADER = "t,ax,ay,az,gx,gy,gz"
@@ -333,13 +333,32 @@ def test_faulty_rows_are_named_by_their_line(table, still, text, message):
         read(path, units="m/s^2,rad/s")
 
 
-def test_decimal_commas_are_named(table, tmp_path):
+@pytest.mark.parametrize("delimiter", [";", "\t"])
+@pytest.mark.parametrize("large", [False, True])
+def test_decimal_commas_are_points(table, still, monkeypatch, delimiter, large):
+    """The same numbers, to the last bit, whichever code reads them; the first rows need not have one."""
+    if large:
+        monkeypatch.setattr(lines, "MANY", 0)
+    points = table(still, header=HEADER, name="points.csv")
+    header, *rows = points.read_text().splitlines()
+    commas = points.with_name("commas.csv")
+    rows[0] = delimiter.join(f"{float(x):.0f}" for x in rows[0].split(","))
+    text = [
+        header.replace(",", delimiter),
+        rows[0],
+        *(row.replace(",", delimiter).replace(".", ",") for row in rows[1:]),
+    ]
+    commas.write_bytes("\r\n".join(text).encode("utf-8-sig"))
+    one, other = read(points, **SI).imu, read(commas, **SI).imu
+    np.testing.assert_array_equal(one.t[1:] - one.t[1], other.t[1:] - other.t[1])
+    np.testing.assert_array_equal(one.accel[1:], other.accel[1:])
+    np.testing.assert_array_equal(one.gyro[1:], other.gyro[1:])
+
+
+def test_decimal_commas_among_points_are_named(tmp_path):
     path = tmp_path / "log.csv"
-    path.write_text("0,00;0,1;0,2;-9,8;0,0;0,0;0,0\n")
-    with pytest.raises(FileFormatError, match=at(path, 1) + "decimal commas are not read"):
-        read(path, **SI)
     path.write_text("0;0;0;-9.8;0;0;0\n1;0;0;-9,8;0;0;0\n")
-    with pytest.raises(FileFormatError, match=at(path, 2) + "column 4: decimal commas are not read, got '-9,8'"):
+    with pytest.raises(FileFormatError, match=at(path, 2) + "column 4: expected a decimal point .*, got '-9,8'"):
         read(path, **SI)
 
 

@@ -27,6 +27,7 @@ OWN_FAMILY = "schuler/csv"
 OWN_FORMAT = f"{OWN_FAMILY}/2"
 _COMMENTS = ("#", "%", "//")
 _BANNER = 20  # lines of words above the first numbers that a logger may write
+_LOOKED_AT = 100  # rows in which a decimal comma shows
 _EXAMPLE = "columns='t,ax,ay,az,gx,gy,gz' (- skips one, * the rest)"
 
 
@@ -119,6 +120,9 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
             mark = hints.comment or next((s for s in _COMMENTS for _, c in comments if c.startswith(s)), "#")
             table = TextTable(path, number, delimiter, mark, encoding)
             fields = table.split(line)
+            if not _has_points(fields) and any(map(lines.is_decimal_comma, fields)):
+                table = replace(table, decimal=",")
+                fields = table.split(line)
             numeric = any(map(lines.is_number, fields)) or all(map(lines.is_value, fields))
             above = table.split(header[1]) if header and any(map(columns.recognise, table.split(header[1]))) else []
             if hints.bad_lines and (len(fields) != (_width(hints) or len(above) or len(fields)) if numeric else above):
@@ -127,9 +131,9 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
             if numeric:
                 table = replace(table, first=first or number)
                 names = (header[0], table.split(header[1])) if header else _commented_header(table, comments, fields)
+                if table.decimal == "." and _has_decimal_commas(table, line, stream):
+                    table = replace(table, decimal=",")
                 return Opening(table, tuple(comments), names, fields)
-            if any(map(lines.is_decimal_comma, fields)):
-                raise FileFormatError("decimal commas are not read; write points", path, number)
             if header is not None and (number > _BANNER or any(map(columns.recognise, table.split(header[1])))):
                 raise FileFormatError(
                     f"expected numbers below the header in line {header[0]}, got {lines.shorten(text)}: pass over the "
@@ -143,6 +147,17 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
             f"there is a header ({lines.shorten(header[1])}) but no row of numbers below it", path, header[0]
         )
     raise FileFormatError("there are no rows of numbers" + (f" after skip={hints.skip}" if hints.skip else ""), path)
+
+
+def _has_points(fields: Iterable[str]) -> bool:
+    """Whether a field is a number with a decimal point."""
+    return any("." in field and lines.is_number(field) for field in fields)
+
+
+def _has_decimal_commas(table: TextTable, line: str, following: Iterable[str]) -> bool:
+    """Whether numbers have commas for points: some of the first rows have one, none has a point."""
+    rows = [table.split(row) for row in (line, *itertools.islice(following, _LOOKED_AT))]
+    return any(any(map(lines.is_decimal_comma, row)) for row in rows) and not any(map(_has_points, rows))
 
 
 def _width(hints: ReadHints) -> int | None:

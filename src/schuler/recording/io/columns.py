@@ -74,9 +74,10 @@ def _spellings() -> dict[str, str]:
     for axis in "ned":
         table |= {f"pos_{axis}": axis, f"v_{axis}": f"v{axis}", f"vel_{axis}": f"v{axis}", f"sigma_{axis}": f"s{axis}"}
         table |= {f"sigma_v{axis}": f"sv{axis}", f"sd_{axis}": f"s{axis}"}
-    for word in ("time", "timestamp", "stamp", "tow", "gps_tow", "gpstow", "gps_time", "seconds", "millis", "micros"):
+    for word in ("time", "timestamp", "stamp", "tow", "gps_tow", "gpstow", "gps_time", "seconds"):
         table[word] = "t"
     table |= {"temperature": "temp", "tmp": "temp", "latitude": "lat", "longitude": "lon", "lng": "lon", "height": "h"}
+    table |= dict.fromkeys(("altitude", "alt"), "h")
     table |= {"quality": "q", "n_satellites": "ns", "nsat": "ns"}
     for word in ("cog", "course_over_ground", "bearing"):
         table[word] = "course"
@@ -87,6 +88,8 @@ def _spellings() -> dict[str, str]:
 
 
 _SPELLINGS = _spellings()
+#: Names of a time that say its unit.
+_CLOCKS = {"ms": "ms", "msec": "ms", "millis": "ms", "us": "us", "usec": "us", "micros": "us"}
 # what follows an underscore in names such as ax_m_s2; longer endings are tried first
 _ENDINGS = {
     "m_s2": "m/s^2", "mps2": "m/s^2", "ms2": "m/s^2", "mg": "mg", "g": "g", "rad_s": "rad/s", "rads": "rad/s",
@@ -117,6 +120,8 @@ def recognise(header: str) -> tuple[str, str | None] | None:
     word, unit = _word_and_unit(header)
     if word in _SPELLINGS:
         return _SPELLINGS[word], unit
+    if word in _CLOCKS:
+        return "t", unit or _CLOCKS[word]
     if unit is None and (ending := _ending(word)) is not None:
         stem = word.removesuffix(f"_{ending}")
         if stem in _SPELLINGS:

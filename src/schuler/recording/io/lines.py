@@ -51,6 +51,8 @@ class TextTable:
         ``latin-1`` unless there is a byte-order mark: numbers are ASCII, and comments may be in any encoding.
     replaced : str
         Characters that stand for a blank (the strokes and colons of dates).
+    decimal : {".", ","}
+        Decimal point; a comma only where the delimiter is none.
     """
 
     path: Path
@@ -59,12 +61,11 @@ class TextTable:
     comment: str = "#"
     encoding: str = "latin-1"
     replaced: str = ""
+    decimal: str = "."
 
     def split(self, line: str) -> list[str]:
         """Fields of one line without its comment; none of a blank line."""
-        line = line.partition(self.comment)[0]
-        for character in self.replaced:
-            line = line.replace(character, " ")
+        line = self.bare(line)
         line = line.strip(" \r\n") if self.delimiter == "\t" else line.strip()
         if not line:
             return []
@@ -76,6 +77,13 @@ class TextTable:
             except csv.Error:
                 return [line]
         return [field.strip() for field in line.split(self.delimiter)]
+
+    def bare(self, line: str) -> str:
+        """A line without its comment, and with what stands for blanks and points replaced by them."""
+        line = line.partition(self.comment)[0].replace(self.decimal, ".")
+        for character in self.replaced:
+            line = line.replace(character, " ")
+        return line
 
     def rows(self) -> Iterator[tuple[int, list[str]]]:
         """Line number and fields of every line that has any, from ``first`` on."""
@@ -342,7 +350,7 @@ def _fast(table: TextTable, n_columns: int, used: list[int], count: int | None) 
     # NumPy reads the file itself as long as nothing has to be taken out of its lines. Without usecols it also checks
     # that every line has as many fields; once each line was checked the unused columns may hold words.
     # By the name it would unpack what is called .gz, .bz2 or .xz and is a text.
-    direct = count is None and not table.replaced and table.path.suffix not in _PACKED
+    direct = count is None and not table.replaced and table.decimal == "." and table.path.suffix not in _PACKED
     delimiter = None if table.delimiter == " " else table.delimiter
     with warnings.catch_warnings(), closing(_bare_lines(table)) as bare:
         warnings.simplefilter("error")
@@ -372,10 +380,7 @@ def _bare_lines(table: TextTable) -> Generator[str, None, None]:
     """Lines without comments and without characters to be replaced, those left blank dropped."""
     with table.path.open(encoding=table.encoding, errors="replace", newline=None) as stream:
         for line in itertools.islice(stream, table.first - 1, None):
-            text = line.partition(table.comment)[0]
-            for character in table.replaced:
-                text = text.replace(character, " ")
-            if text.strip():
+            if (text := table.bare(line)).strip():
                 yield text
 
 
@@ -414,15 +419,15 @@ def _fault(table: TextTable, fields: list[str], n_columns: int, used: list[int])
     if len(fields) != n_columns:
         ending = "; the last one is empty, so lines end in a delimiter: end columns with ',-'" if not fields[-1] else ""
         return (
-            f"expected {n_columns} columns, got {len(fields)}{ending}; correct the line, or say what the columns are "
-            "(columns, delimiter, skip)"
+            f"expected {n_columns} columns, got {len(fields)}{ending}; correct the line, leave a few garbled ones out "
+            "with bad_lines=0.01, or say what the columns are (columns, delimiter, skip)"
         )
     for column in used:
         field = fields[column]
         if not is_value(field):
             shown = shorten(field, 40)
             if is_decimal_comma(field):
-                return f"column {column + 1}: decimal commas are not read, got {shown}; write points"
+                return f"column {column + 1}: expected a decimal point as in the first rows, got {shown}; write points"
             if _DATE.match(field):
                 return (
                     f"column {column + 1}: expected a number, got {shown}; write seconds (hint time says what they "

@@ -82,6 +82,7 @@ def read_numbers(
     target[used] = np.arange(len(used))
     if decimals is not None:
         target[0] = _kernels.WHOLE
+    decimal = table.decimal.encode("ascii")
     fixed = (rules, comment, target, decimals or 0, rounded, *_tables())
 
     buffers: list[_Buffers] = []
@@ -90,6 +91,8 @@ def read_numbers(
     def parse(place: tuple[int, bytes]) -> tuple[int, int, bool, _Buffers]:
         """End of what was understood of a piece, its rows, whether that is all of it, and where they are."""
         at, piece = place
+        if decimal != b".":
+            piece = piece.replace(decimal, b".")
         n = len(piece) // least + 1
         # pieces are of much the same size, so that the next one fits into what another one has left
         into = buffers.pop() if buffers else None
@@ -191,7 +194,7 @@ def _rules(table: TextTable) -> Bytes | None:
     """Class of each character; ``None`` for ways to cut lines that the compiled code does not know."""
     from schuler.recording.io import _kernels as k
 
-    special = table.delimiter + table.replaced + table.comment[:1]
+    special = table.delimiter + table.replaced + table.comment[:1] + table.decimal.replace(".", "")
     if (
         len(table.delimiter) != 1
         or not table.comment.isascii()

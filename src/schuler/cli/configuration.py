@@ -116,12 +116,12 @@ def _check_hint(name: str, parts: list[str], value: Any) -> None:
         raise InputError(f"--set {name}: expected recording.KEY=VALUE or recording.PART.KEY=VALUE")
     if sections and sections[0] in ("streams", "scale"):  # a table of their own
         return
-    hints, known = list(ReadHints.__dataclass_fields__), (*SERIES, *SATELLITES, "accel", "gyro")
+    hints, series = list(ReadHints.__dataclass_fields__), (*SERIES, *SATELLITES, "accel", "gyro")
     for part in sections:
-        check_known(part, known, f"--set {name}")
-    if not sections and key in known and not isinstance(value, dict):
+        check_known(part, series, f"--set {name}")
+    if not sections and key in series and not isinstance(value, dict):
         raise InputError(f"--set {name}={value}: expected a hint on that part, such as {name}.file={value}")
-    if not sections and key in known:
+    if not sections and key in series:
         for hint, own in value.items():
             _check_hint(f"{name}.{hint}", [key, hint], own)
         return

@@ -23,7 +23,7 @@ from schuler.exceptions import InputError, OverwriteError, TomlError
 
 _MANY = 4_000_000  # bytes that are worth a thread
 _DEEPEST = 50  # sections and lists within one another that a TOML file may have
-_TOO_DEEP = "not a TOML file of ours: its entries are nested too deeply"
+_TOO_DEEP = "its entries are nested too deeply"
 _HIDDEN = ".schuler-"  # how temporaries begin
 LISTED = ".schuler.json"  # list of what commands wrote into a folder that they made
 
@@ -45,30 +45,38 @@ def read_toml(path: Path | str, missing: str = "no such configuration file") -> 
     path = Path(path)
     note_input(path)
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        return parsed_toml(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise TomlError(missing, path) from None
     except OSError as error:
         raise TomlError(f"cannot be read: {error.strerror}", path) from None
-    except RecursionError:
-        raise TomlError(_TOO_DEEP, path) from None
-    except ValueError as error:  # of syntax, of the encoding, of numbers of thousands of digits
+    except ValueError as error:  # also of the encoding, of numbers of thousands of digits
         raise TomlError(f"not a TOML file: {error}", path) from None
-    _check_plain(data, path)
-    return data
 
 
-def _check_plain(data: dict[str, Any], path: Path) -> None:
-    """Refuse what TOML's reader takes and Python's functions do not: deep nesting, integers beyond 64 bits."""
+def parsed_toml(text: str) -> dict[str, Any]:
+    """Entries of TOML text.
+
+    Raises
+    ------
+    ValueError
+        With the reason, if it is none, or is nested too deeply or has integers beyond 64 bits: both of these pass
+        Python's reader and fail in what comes after it.
+    """
+    try:
+        data = tomllib.loads(text)
+    except RecursionError:
+        raise ValueError(_TOO_DEEP) from None
     left: list[tuple[Any, int]] = [(data, 0)]
     while left:
         value, depth = left.pop()
         if depth > _DEEPEST:
-            raise TomlError(_TOO_DEEP, path)
+            raise ValueError(_TOO_DEEP)
         if isinstance(value, int) and not -(2**63) <= value < 2**63:
-            raise TomlError("not a TOML file: an integer has more than 64 bits", path)
+            raise ValueError("an integer has more than 64 bits")
         within = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
         left += [(one, depth + 1) for one in within]
+    return data
 
 
 @dataclass

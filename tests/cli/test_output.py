@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from command import refusal
 
-from schuler.cli.configuration import period, window
+from schuler.cli.configuration import entries, period, window
 from schuler.cli.output import print_json, print_verdict, progress
 from schuler.exceptions import InputError
 from schuler.navigation.evaluation.verdict import Verdict
@@ -82,3 +82,17 @@ def test_too_little_memory_is_one_sentence(tmp_path, capsys):
     message = refusal(capsys, "simulate", tmp_path / "long.toml", "--out", tmp_path / "long.parquet")
     assert "expected enough memory for what was asked" in message
     assert [p.name for p in tmp_path.iterdir()] == ["long.toml"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("filter.record_s=" + "[" * 3000, "nested too deeply"),
+        ("filter.record_s=" + "9" * 5000, "Exceeds the limit"),
+        ("filter.record_s=0x" + "f" * 5000, "an integer has more than 64 bits"),
+        ("a" + ".a" * 5000 + "=1", "expected SECTION.KEY=VALUE"),
+    ],
+)
+def test_entries_that_no_configuration_has_are_refused(text, message):
+    with pytest.raises(InputError, match=f"--set.*{message}"):
+        entries((text,))

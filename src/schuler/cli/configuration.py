@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from schuler.exceptions import InputError
+from schuler.files import parsed_toml
 
 if TYPE_CHECKING:
     from schuler.navigation.config import NavigationConfig
@@ -62,13 +63,16 @@ def entries(texts: tuple[str, ...], *, sections: bool = True) -> list[tuple[str,
     pairs = []
     for text in texts:
         key, sign, value = text.partition("=")
-        if not sign or (sections and "." not in key) or not all(key.strip().split(".")):
+        parts = key.strip().split(".")
+        if not sign or (sections and len(parts) < 2) or len(parts) > 20 or not all(parts):
             expected = "such as filter.states=21" if sections else "such as gnss.outages_s=[[60,90]], or KEY=VALUE"
             raise InputError(f"--set: expected SECTION.KEY=VALUE, {expected}, got {text!r}")
         try:
-            pairs.append((key.strip(), tomllib.loads(f"x = {value}")["x"]))
+            pairs.append((key.strip(), parsed_toml(f"x = {value}")["x"]))
         except tomllib.TOMLDecodeError:
             pairs.append((key.strip(), value.strip()))
+        except ValueError as error:
+            raise InputError(f"--set {key.strip()}: expected a value as in a configuration: {error}") from None
     return pairs
 
 

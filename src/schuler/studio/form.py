@@ -6,13 +6,12 @@ everywhere in configurations.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from schuler.exceptions import InputError
-from schuler.files import toml_value
+from schuler.files import parsed_toml, toml_value
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.sections import Config
 
@@ -145,8 +144,8 @@ def entered(field: Field, text: str) -> Any:
     if not text:
         return None
     try:
-        entries = tomllib.loads(f"x = {text}")
-    except tomllib.TOMLDecodeError:
+        entries = parsed_toml(f"x = {text}")
+    except ValueError:
         entries = {}
     if list(entries) == ["x"]:
         return entries["x"]

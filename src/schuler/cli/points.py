@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from schuler.gnss.point_evaluation import PointEvaluation
     from schuler.gnss.point_result import PointSolution
     from schuler.gnss.ranges import Ranges
+    from schuler.navigation.evaluation.runs import Run
 
 _ALL = Part()
 _NO_EPHEMERIS, _NOT_SELECTED = 1, 7  # of schuler.gnss.ranges.REASONS
@@ -102,6 +103,7 @@ def points(
     began = clock.perf_counter()
     if not 0.0 < alert_limit < np.inf:
         raise InputError(f"--alert-limit: expected a positive number of metres, got {alert_limit}")
+    truth = None if reference is None else _read_reference(reference)  # what is wrong with it is said before the work
     whole = _log(log, nav, time)
     recording, backdrop = part.of(whole), None
     if background is not None:
@@ -122,7 +124,7 @@ def points(
     solution = solve_points(ranges, integrity=integrity)
     about = recording.metadata
     notes = [n for n in about.notes if n not in solution.notes]
-    true_r_e = None if reference is None else _truth(reference, solution, about, notes)
+    true_r_e = None if truth is None else _true_positions(truth, solution, about, notes)
     evaluation = PointEvaluation(
         replace(solution, notes=(*notes, *solution.notes)), ranges, true_r_e, alert_limit,
         about.time.epoch_gps_s if about.time.scale == "gps" else None,
@@ -258,20 +260,26 @@ def _beside(log: Path) -> str:
     return f" (near it: {', '.join(names[:4])})" if names else ""
 
 
-def _truth(reference: Path, points: PointSolution, about: Metadata, notes: list[str]) -> FloatArray:
-    """Antenna of a reference at the points' times, NaN outside its span and in its pauses. Shape (k, 3). [m]"""
-    from schuler.navigation.evaluation.runs import Run, aligned, in_gaps, read_run
-    from schuler.recording.trajectory import Trajectory
+def _read_reference(path: Path) -> Run:
+    """A reference as a run; a table without a header is refused with the command that converts it."""
+    from schuler.navigation.evaluation.runs import read_run
 
     try:
-        run = read_run(reference)
+        return read_run(path)
     except (InputError, FileFormatError) as error:
         problem = str(error).partition(": say ")[0]
         raise InputError(
             f"--reference {problem}; a table that does not say what its columns are is converted first, such as: "
-            f"schuler convert {reference} truth.parquet --series reference --columns t,lat,lon,h --units angle=deg "
+            f"schuler convert {path} truth.parquet --series reference --columns t,lat,lon,h --units angle=deg "
             "--time gps-tow:WEEK"
         ) from None
+
+
+def _true_positions(run: Run, points: PointSolution, about: Metadata, notes: list[str]) -> FloatArray:
+    """Antenna of a reference at the points' times, NaN outside its span and in its pauses. Shape (k, 3). [m]"""
+    from schuler.navigation.evaluation.runs import Run, aligned, in_gaps
+    from schuler.recording.trajectory import Trajectory
+
     if not points.ok.any():
         return np.full((len(points), 3), np.nan)
     own = Run("points", Trajectory(points.t[points.ok], points.r_e[points.ok]), about.time, "antenna", None, "")
@@ -279,7 +287,7 @@ def _truth(reference: Path, points: PointSolution, about: Metadata, notes: list[
     inside = (points.t >= track.t[0]) & (points.t <= track.t[-1]) & ~in_gaps(track.t, points.t)
     if not inside.any():
         raise InputError(
-            f"--reference {reference}: expected times that overlap, got {track.t[0]:.3f}..{track.t[-1]:.3f} s, and "
+            f"--reference {run.name}: expected times that overlap, got {track.t[0]:.3f}..{track.t[-1]:.3f} s, and "
             f"points at {points.t[0]:.3f}..{points.t[-1]:.3f} s; are they on one clock?"
         )
     out = np.full((len(points), 3), np.nan)

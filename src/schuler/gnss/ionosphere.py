@@ -87,7 +87,7 @@ def klobuchar_beidou(
     alpha, beta : tuple of 4 floats
         Amplitude [s, s/semicircle, ...] and period [s, s/semicircle, ...] as messages D1 and D2 have them.
     llh, elevation, azimuth, gps_s, frequency_hz
-        As for :func:`klobuchar`; the delay is that of B1I elsewhere scaled.
+        As for :func:`klobuchar`; at frequencies other than B1I's the delay is scaled by their inverse square.
 
     Returns
     -------

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 from schuler import earth, frames, rotation
 from schuler.exceptions import InputError
@@ -214,6 +215,27 @@ def test_compiled_transition_solves_the_error_equation(seed):
     assert errors[0] < 1e-2, errors  # of the gyro columns of position, which are of third order in the span themselves
     assert errors[1] < errors[0] / 3.3 + 1e-5
     assert errors[2] < errors[1] / 3.3 + 1e-5
+
+
+def test_what_turns_a_free_transition_is_that_of_its_system_matrix():
+    """Without specific force Coriolis and gravity stand alone, less identity and drift, which hide them in a norm.
+
+    Discretisation: 2 % is what gravity adds to Coriolis over a second, in the next order.
+    """
+    from schuler.filtering.kernels.covariance import transition
+
+    r = frames.ecef_from_llh([0.7, -2.1, 300.0])
+    A, acc, T = np.eye(9), np.zeros(8), 1.0
+    acc[0] = T
+    transition(A, acc, np.concatenate(([1.0, 0.0, 0.0, 0.0], np.zeros(3), r)), earth.WGS84.omega_ie)
+    F = system_matrix_ecef(LAYOUT, np.eye(3), r, np.zeros(3), np.zeros(3), np.zeros(M))[:9, :9]
+    drift = np.eye(9)
+    drift[6:9, 3:6] = T * np.eye(3)
+    left, expected = A - drift, expm(F * T) - drift
+    for i in (0, 3, 6):
+        for j in (0, 3, 6):
+            block = expected[i : i + 3, j : j + 3]
+            np.testing.assert_allclose(left[i : i + 3, j : j + 3], block, atol=0.02 * np.abs(block).max())
 
 
 def test_unknown_position_unit_is_refused():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from schuler.earth import gravity_somigliana
 from schuler.exceptions import InputError
 from schuler.gnss.troposphere import niell_mapping, saastamoinen, standard_atmosphere, zenith_delays
 from schuler.units import DEG
@@ -27,6 +28,15 @@ def test_zenith_delays_of_the_textbooks():
     assert np.all(np.diff(hydrostatic) < 0.0)
     assert np.all(np.diff(wet) < 0.0)
     assert zenith_delays(0.0, 0.0, humidity=0.0)[1] == 0.0
+
+
+@pytest.mark.parametrize("lat_deg", [0.0, -20.0, 70.0, 90.0])
+@pytest.mark.parametrize("height", [0.0, 3000.0])
+def test_the_same_pressure_delays_less_where_gravity_is_larger(lat_deg, height):
+    """Law: pressure is the weight of the air. Normal gravity of the ellipsoid; 2e-4 are what the source rounds."""
+    here, there = zenith_delays([lat_deg * DEG, 45.0 * DEG], [height, 0.0])[0] / standard_atmosphere([height, 0.0])[0]
+    g, g_there = gravity_somigliana([lat_deg * DEG, 45.0 * DEG], [height, 0.0])
+    assert here / there == pytest.approx(g_there / g, rel=2e-4)
 
 
 def test_outside_the_atmosphere_the_ends_are_held():

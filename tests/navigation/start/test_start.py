@@ -386,3 +386,27 @@ def test_a_heading_that_nothing_shows_is_said_to_be_in_doubt():
         standing, config(alignment={"method": "given", "rpy_deg": [0.0, 0.0, 0.0], "sigma_deg": [1.0, 1.0, 180.0]})
     )
     assert notes(result, "in doubt")
+
+
+def test_a_start_in_a_turn_has_the_velocity_of_the_imu():
+    """The antenna 10 m ahead moves sideways by 0.8 m/s more. Statistical: four sigmas of a fix."""
+    lever, sigma = [10.0, 0.0, -1.0], 0.02
+    mission = prepare_mission(
+        {
+            "seed": 5,
+            "motion": {"type": "waypoints", "lat_deg": 47.0, "lon_deg": 8.0, "height_m": 400.0, "waypoints": POINTS},
+            "imu": {"rate_hz": RATE, **IMU},
+            "gnss": {"rate_hz": 5.0, "lever_arm_m": lever, "sigma_velocity_m_s": [sigma] * 3},
+        }
+    )
+    log = simulate_mission(mission).recording
+    imu, gnss, truth = log.need_imu(), log.need_gnss(), log.need_reference()
+    rate = np.interp(gnss.t, imu.t, imu.rates().gyro[:, 2])
+    t = gnss.t[np.argmax(np.abs(rate))]
+    assert np.abs(rate).max() > 0.05
+    log = replace(log, imu=imu.between(t - 1.0 / RATE, imu.t[-1]), gnss=gnss.where(gnss.t >= t - 1e-6))
+    given = {"method": "given", "rpy_deg": [float(v) for v in truth.at(np.array([t])).rpy_nb[0] / units.DEG]}
+    asked = NavigationConfig.checked(config(alignment=given, gnss={"lever_arm_m": lever}))
+    start = prepared_run(log, asked).initial.nav
+    v = truth.at(np.array([start.t])).v_eb_e[0]
+    np.testing.assert_allclose(start.v_eb_e, v, rtol=0.0, atol=4.0 * sigma)

@@ -248,7 +248,7 @@ def test_blocks_longer_than_the_queue(size):
     runs[0].imu_many(t, gyro, accel, np.full(size, 20.0))
     for k in range(size):
         runs[1].imu(t[k], gyro[k], accel[k], 20.0)
-    kept = [(run._work(), run._collection.imu.document())[1] for run in runs]
+    kept = [(run._work(), run._stream._collection.imu.document())[1] for run in runs]
     for name, values in kept[0].items():
         np.testing.assert_array_equal(values, kept[1][name])
     runs[0].imu_many(np.empty(0), np.empty((0, 3)), np.empty((0, 3)))

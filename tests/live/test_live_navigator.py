@@ -114,7 +114,7 @@ def test_the_filter_of_live_aids_is_the_engine(recording):
     checked = NavigationConfig.checked(config)
     live = live_run(recording, config, lag_s=600.0)  # nothing is forgotten
     rows = cases.fed(live, recording)
-    made = live._run.filter.aiding
+    made = live._stream.run.filter.aiding
     prepared = prepared_run(recording, checked, initial=live.initial)
     schedule = MeasurementSchedule(made.t, made.kind, made.z, made.R.reshape(-1, 3, 3), made.lever, made.gate)
     forward = run(prepared.increments, schedule, prepared.initial, prepared.layout, *prepared.psd, prepared.options)
@@ -213,10 +213,10 @@ def test_memory_does_not_grow_with_time(recording):
     live = live_run(recording, lag_s=2.0)
     cases.fed(live, recording)
     gc.collect()
-    assert len(live._run.filter.samples) < 300
-    assert len(live._run.filter.snapshots) < 8
-    assert len(live._run.filter.aiding.t) < 20
-    assert live._collection is None
+    assert len(live._stream.run.filter.samples) < 300
+    assert len(live._stream.run.filter.snapshots) < 8
+    assert len(live._stream.run.filter.aiding.t) < 20
+    assert live._stream._collection is None
 
 
 @pytest.mark.parametrize(

@@ -64,11 +64,11 @@ def test_faults_every_few_seconds(tmp_path, seed):
     assert live.health == "ok"
     off = np.linalg.norm(cases.position(live.solution()) - recording.reference.r_eb_e[-1])
     assert off < 4.0 * np.linalg.norm(live.solution().sigma_r_n)  # statistical
-    run = live._run.filter
+    run = live._stream.run.filter
     assert len(run.samples) < 100 * (5 + 2)  # the lag, and what comes between two looks at the health
     assert len(run.snapshots) < 2 * (5 + 2)
     assert len(run.aiding.t) < 20 * (5 + 2)
-    assert live._collection is None
+    assert live._stream._collection is None
     assert len(live.events) <= 1000
     assert {e.kind for e in events} >= {"start", "imu", "measurement", "late", "health", "state"}
 

@@ -108,9 +108,10 @@ def encoder(schedule=TURN, between="cubic", **errors):
 # ------------------------------------------------------------------------------------------------------- laws
 
 
-def test_a_platform_that_stands_still_changes_nothing():
-    log = recording(fixed())
-    here, there = navigate_rotary(log, fixed(), CONFIG), navigate(log, CONFIG)
+@pytest.mark.parametrize("noise", [{}, {"gyro": 3.0, "accel": 2.0}], ids=["budget", "factors"])
+def test_a_platform_that_stands_still_changes_nothing(noise):
+    log, config = recording(fixed()), CONFIG | {"filter": {"noise": noise}}
+    here, there = navigate_rotary(log, fixed(), config), navigate(log, config)
     # rounding: turning by the identity; the same engine on the same numbers
     assert np.abs(here.trajectory.r_eb_e - there.trajectory.r_eb_e).max() < 1e-8
     np.testing.assert_allclose(here.covariance_e, there.covariance_e, rtol=1e-9, atol=1e-15)
@@ -348,6 +349,7 @@ def test_an_encoder_that_covers_less():
         ({"gnss": {"coupling": "tight"}}, "gnss.coupling"),
         ({"gnss": {"lever_sigma_m": 0.1}}, "gnss.lever_sigma_m"),
         ({"imu": CONFIG["imu"] | {"mount_rpy_deg": (0.0, 0.0, 90.0)}}, "imu.mount_rpy_deg"),
+        ({"filter": {"noise": {"accel": [1.0, 1.0, 2.0]}}}, "filter.noise.accel"),
         ({"alignment": {"method": "gyrocompass"}}, "gyrocompass"),
     ],
 )

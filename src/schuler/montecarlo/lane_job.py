@@ -10,6 +10,7 @@ from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions
 from schuler.navigation.config import GnssSection, ImuSection
 from schuler.navigation.sections import AidingSection
+from schuler.navigation.states import white_noise_psd
 from schuler.simulation.aid_sections import StreamSection
 
 if TYPE_CHECKING:
@@ -57,8 +58,7 @@ def lane_scenario(job: NavigationJob) -> LaneScenario | str:
             aiding,
             plan.layout,
             plan.initial,
-            np.full(3, plan.spec.gyro.random_walk**2),
-            np.full(3, plan.spec.accel.random_walk**2),
+            *white_noise_psd(config, plan.spec),
             FilterOptions(
                 covariance_rate_hz=None if f.full_rate else f.covariance_rate_hz, record_s=f.record_s,
                 lockout=f.lockout, hold_s=f.hold_s, adaptive=f.adaptive, earth_rotation=f.earth_rotation,

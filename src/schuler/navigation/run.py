@@ -35,7 +35,7 @@ from schuler.navigation.start.alignment import advance_to_log_start, align, alig
 from schuler.navigation.start.calibration import CalibrationStart, configured_start
 from schuler.navigation.start.carried import carried_starts
 from schuler.navigation.start.heading import judged_start, likeliest_start
-from schuler.navigation.states import imu_spec, state_layout
+from schuler.navigation.states import imu_spec, state_layout, white_noise_psd
 from schuler.navigation.tuning.entries import tuned_configuration
 from schuler.navigation.tuning.lever import LEVER_ESTIMATED, has_lever, with_lever
 from schuler.navigation.tuning.start import unless_refuted
@@ -130,7 +130,7 @@ def navigate(
         ended = forward.t[-1] - recording.start
         notes.append(f"interrupted at {ended:.1f} s of the recording; the solution ends there")
     notes += rejections(schedule.kind, forward.status, schedule.t, schedule.R, forward.noise_factors)
-    provenance = _provenance(recording, config, prepared.spec, prepared.calibrated)
+    provenance = provenance_of(recording, config, prepared.spec, prepared.calibrated)
     return NavigationResult.from_run(
         forward,
         schedule.t,
@@ -208,14 +208,9 @@ def prepared_run(
     schedule = with_late_velocities(schedule.outside(windows), delay, initial.nav.t, notes)
     if not len(schedule):
         notes.append("no measurement is used: this is a free inertial solution")
-    noise = config.filter.noise
-    psd = (
-        np.full(3, (spec.gyro.random_walk * noise.gyro) ** 2),
-        (spec.accel.random_walk * np.array(noise.accel_axes)) ** 2,
-    )
     prepared = PreparedRun(
-        imu, increments, schedule, initial, layout, spec, psd, filter_options(config, imu), windows, (), calibrated,
-        ranges, points,
+        imu, increments, schedule, initial, layout, spec, white_noise_psd(config, spec),
+        filter_options(config, imu), windows, (), calibrated, ranges, points,
     )  # fmt: skip
     if aligned is not None:
 
@@ -273,10 +268,10 @@ def _check_earth_rotation(recording: Recording, config: NavigationConfig) -> Non
         )
 
 
-def _provenance(
+def provenance_of(
     recording: Recording, config: NavigationConfig, spec: ImuSpec, calibrated: CalibrationStart | None
 ) -> dict[str, Any]:
-    """Versions, options and hashes of everything that a result was made from."""
+    """Provenance of a solution: versions, options and hashes of everything that a result was made from."""
     return {
         "schuler": package_version(),
         "config": config.model_dump(mode="json", exclude_defaults=True),

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from schuler import units
+from schuler.arrays import FloatArray
 from schuler.exceptions import ConfigError
 from schuler.filtering.limits import MAX_STATES, MOST_CHANNELS
 from schuler.filtering.states import BLOCKS, CHANNELS, CLONES, NAVIGATION, StateLayout, StateModel, layout_for
@@ -49,6 +52,21 @@ def imu_spec(config: NavigationConfig, notes: list[str] | None = None) -> ImuSpe
     if notes is not None:
         notes += sentences
     return spec
+
+
+def white_noise_psd(config: NavigationConfig, spec: ImuSpec) -> tuple[FloatArray, FloatArray]:
+    """Power spectral densities of the white noise in the filter: the budget's, times the configured factors squared.
+
+    Returns
+    -------
+    ndarray, ndarray, shapes (3,)
+        Of the gyroscopes [(rad/s)^2/Hz] and the accelerometers [(m/s^2)^2/Hz].
+    """
+    noise = config.filter.noise
+    return (
+        np.full(3, (spec.gyro.random_walk * noise.gyro) ** 2),
+        (spec.accel.random_walk * np.array(noise.accel_axes)) ** 2,
+    )
 
 
 def _complete(spec: ImuSpec) -> ImuSpec:

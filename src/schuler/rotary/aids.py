@@ -134,6 +134,11 @@ def check_aids(config: NavigationConfig) -> None:
             'gnss.coupling: "tight" is not for a rotating IMU, range rates have no place for a lever arm that turns; '
             'use "loose"'
         )
+    if len(set(config.filter.noise.accel_axes)) > 1:
+        raise ConfigError(
+            "filter.noise.accel: factors forward, right and down are not for an IMU that turns in the vehicle; "
+            "give one number"
+        )
     if gnss.lever_sigma_m > 0.0:
         raise ConfigError(
             "gnss.lever_sigma_m: the lever arm is fixed in the body, not in the axes of a rotating IMU, so it cannot "

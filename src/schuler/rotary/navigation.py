@@ -14,7 +14,6 @@ from schuler import rotation
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import ConfigError
-from schuler.files import package_version
 from schuler.filtering.engine import run
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule
@@ -30,10 +29,10 @@ from schuler.navigation.inputs.preparation import (
     with_late_velocities,
 )
 from schuler.navigation.result import NavigationResult
+from schuler.navigation.run import provenance_of
 from schuler.navigation.start.alignment import advance_to_log_start
 from schuler.navigation.start.calibration import configured_start
-from schuler.navigation.states import imu_spec, state_layout
-from schuler.recording.io.own import time_document
+from schuler.navigation.states import imu_spec, state_layout, white_noise_psd
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 from schuler.rotary.aids import check_aids, in_imu_axes
@@ -144,8 +143,7 @@ def navigate_rotary(
     if not len(schedule):
         notes.append("no measurement is used: this is a free inertial solution")
     options = filter_options(config, imu)
-    psd = (np.full(3, spec.gyro.random_walk**2), np.full(3, spec.accel.random_walk**2))
-    forward = run(increments, schedule, start, layout, *psd, options, progress)
+    forward = run(increments, schedule, start, layout, *white_noise_psd(config, spec), options, progress)
     if forward.epochs == 0 or not len(forward.rec_t):
         raise KeyboardInterrupt  # stopped before there was anything to keep
     if not forward.complete:
@@ -163,9 +161,8 @@ def navigate_rotary(
         outages=windows,
         lever_arm_b=np.array(config.gnss.lever_arm_m),
         provenance={
-            **_provenance(recording, config, spec),
+            **provenance_of(recording, config, spec, calibrated),
             "platform": _platform_document(platform, turning.zero_s, lever),
-            **({} if calibrated is None else {"calibration": calibrated.provenance}),
             "elapsed_s": time.perf_counter() - began,
         },
         notes=tuple(notes),
@@ -196,19 +193,6 @@ def _platform_document(platform: Platform, zero_s: float, offset_m: FloatArray) 
         "axes": np.asarray(platform.axes).tolist(),
         "zero_s": zero_s,
         "offset_m": offset_m.tolist(),
-    }
-
-
-def _provenance(recording: Recording, config: NavigationConfig, spec: ImuSpec) -> dict[str, Any]:
-    """Recording, configuration and IMU that a solution is made from."""
-    return {
-        "schuler": package_version(),
-        "config": config.model_dump(mode="json", exclude_defaults=True),
-        "sources": recording.metadata.sources,
-        "recording": recording.metadata.name,
-        "recording_options": recording.metadata.options,
-        "time": time_document(recording.metadata.time),
-        "imu": spec.name,
     }
 
 

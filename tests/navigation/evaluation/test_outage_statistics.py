@@ -31,16 +31,17 @@ def config():
     return NavigationConfig.load(EXAMPLES / "town_navigation.toml")
 
 
-@pytest.mark.parametrize("aided", [False, True])
-def test_a_continued_run_is_the_run_of_its_own(town, config, aided):
+@pytest.mark.parametrize(
+    "entries",
+    [[], [("aiding.odometer", {"scale_sigma": 0.01})], [("filter.noise", {"gyro": 5.0, "accel": [2.0, 5.0, 3.0]})]],
+    ids=["free", "aided", "noisy"],
+)
+def test_a_continued_run_is_the_run_of_its_own(town, entries):
     """Fork and direct run with the window differ by the phase of covariance steps only: 2 % of a sigma, discretisation.
 
     Aids without GNSS go on in both; they are offered at other instants (the rate counts from the start).
     """
-    if aided:
-        config = NavigationConfig.parse(
-            {**config.model_dump(exclude_unset=True), "aiding": {"odometer": {"scale_sigma": 0.01}}}
-        )
+    config = NavigationConfig.load(EXAMPLES / "town_navigation.toml", entries)
     outages = outage_statistics(town, config, lengths=(5.0, 40.0), starts=[62.0, 90.0])
     assert outages.starts[0] <= 62.0 < outages.starts[0] + 1.0
     for i, start in enumerate(outages.starts):

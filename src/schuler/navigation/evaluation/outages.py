@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from schuler import frames
-from schuler.arrays import ArrayLike, FloatArray, as_floats
+from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.exceptions import DivergenceError, InputError
 from schuler.filtering.engine import FilterOptions, run
 from schuler.filtering.initial_state import InitialState
@@ -19,11 +19,11 @@ from schuler.navigation.aids.aiding import Sources, aiding_schedule
 from schuler.navigation.config import NavigationConfig, OutageSection
 from schuler.navigation.evaluation.architectures import reference_of
 from schuler.navigation.evaluation.consistency import chi_square_band
-from schuler.navigation.inputs.preparation import prepared_imu
+from schuler.navigation.inputs.preparation import filter_options, prepared_imu
 from schuler.navigation.result import NavigationResult
 from schuler.navigation.run import navigate
 from schuler.navigation.start.alignment import advance_to_log_start
-from schuler.navigation.states import imu_spec
+from schuler.navigation.states import imu_spec, white_noise_psd
 from schuler.plotting.table import ResultTable, TabularResult
 from schuler.recording.recording import Recording
 from schuler.recording.series import Increments
@@ -219,11 +219,7 @@ def outage_statistics(
     Hayal (2010), section 5.4, eqs. (5.1) to (5.4).
     """
     config = NavigationConfig.checked(config)
-    lengths_s = as_floats(list(lengths), "lengths", (None,))
-    if not len(lengths_s) or not step_s > 0.0 or np.any(lengths_s < step_s - 1e-9):
-        raise InputError(f"lengths: expected one or more of at least step_s = {step_s} s, got {list(lengths)}")
-    if np.any(np.abs(lengths_s / step_s - np.round(lengths_s / step_s)) > 1e-6):
-        raise InputError(f"lengths: expected multiples of step_s = {step_s} s, got {list(lengths)}")
+    lengths_s = _checked_lengths(lengths, step_s)
     longest = float(lengths_s.max())
     config = config.model_copy(
         update={
@@ -247,16 +243,7 @@ def outage_statistics(
             f"the solution runs from {base.t[0] - origin:.1f} to {base.trajectory.t[-1] - origin:.1f} s: too short "
             f"for an outage of {longest:g} s after {settle_s:g} s of settling; give shorter lengths or settle_s"
         )
-    records = np.unique(np.searchsorted(base.t, times + 1e-9, side="right") - 1)
-    records = records[records >= 0]
-    broken = np.flatnonzero(~(np.einsum("kii->ki", base.covariance_e[records]) >= 0.0).all(axis=1))
-    if len(broken):
-        t = float(base.t[records[broken[0]]]) - origin
-        raise DivergenceError(
-            f"the run diverged with GNSS, before {t:.1f} s: its covariance is none any more, so that no outage can "
-            "begin from it. Check the verdict of a run without outages, and whether the initial uncertainties are "
-            "small enough for a linear filter (scale factors far below 1)"
-        )
+    records = _records_before(times, base, origin)
     age = step_s * np.arange(round(longest / step_s) + 1.0)
     unaided = _unaided_log(recording, config, base, step_s)
     errors, covariances, starts_done = [], [], []
@@ -285,6 +272,31 @@ def outage_statistics(
         lengths_s, np.array(starts_done), age, np.array(errors).reshape(n, m, 3),
         np.array(covariances).reshape(n, m, 3, 3), recording.metadata.name, complete,
     )  # fmt: skip
+
+
+def _checked_lengths(lengths: Sequence[float], step_s: float) -> FloatArray:
+    """Lengths of outages, which are multiples of the step. Shape (n,). [s]"""
+    lengths_s = as_floats(list(lengths), "lengths", (None,))
+    if not len(lengths_s) or not step_s > 0.0 or np.any(lengths_s < step_s - 1e-9):
+        raise InputError(f"lengths: expected one or more of at least step_s = {step_s} s, got {list(lengths)}")
+    if np.any(np.abs(lengths_s / step_s - np.round(lengths_s / step_s)) > 1e-6):
+        raise InputError(f"lengths: expected multiples of step_s = {step_s} s, got {list(lengths)}")
+    return lengths_s
+
+
+def _records_before(times: FloatArray, base: NavigationResult, origin: float) -> IntArray:
+    """Records of the filter at or before times, each once; refused if the run diverged before one of them."""
+    records = np.unique(np.searchsorted(base.t, times + 1e-9, side="right") - 1)
+    records = records[records >= 0]
+    broken = np.flatnonzero(~(np.einsum("kii->ki", base.covariance_e[records]) >= 0.0).all(axis=1))
+    if len(broken):
+        t = float(base.t[records[broken[0]]]) - origin
+        raise DivergenceError(
+            f"the run diverged with GNSS, before {t:.1f} s: its covariance is none any more, so that no outage can "
+            "begin from it. Check the verdict of a run without outages, and whether the initial uncertainties are "
+            "small enough for a linear filter (scale factors far below 1)"
+        )
+    return records
 
 
 def _given_starts(starts: ArrayLike, base: NavigationResult, origin: float, last: float, longest: float) -> FloatArray:
@@ -319,18 +331,10 @@ def _unaided_log(recording: Recording, config: NavigationConfig, base: Navigatio
         Sources(imu, recording.gnss, None, recording.odometer, recording.heading, recording.height),
         off, spec, float(base.trajectory.t[0]), recording.start, ((-np.inf, np.inf),),
     )  # fmt: skip
-    options = FilterOptions(
-        covariance_rate_hz=None if config.filter.full_rate else config.filter.covariance_rate_hz,
-        record_s=step,
-        output_rate_hz=1.0 / step,
-        lockout=config.filter.lockout,
-        hold_s=config.filter.hold_s,
-        adaptive=config.filter.adaptive,
-        earth_rotation=config.filter.earth_rotation,
-    )
+    options = replace(filter_options(config, imu), output_rate_hz=1.0 / step)
     return _UnaidedLog(
         imu.increments(order=config.imu.rate_order), schedule.where(~np.isin(schedule.kind, GNSS_KINDS)),
-        np.full(3, spec.gyro.random_walk**2), np.full(3, spec.accel.random_walk**2), options,
+        *white_noise_psd(config, spec), options,
     )  # fmt: skip
 
 

@@ -15,7 +15,6 @@ from schuler.studio.pages.frame import (
     block,
     button,
     chart,
-    command_box,
     heading,
     hint,
     html,
@@ -25,7 +24,7 @@ from schuler.studio.pages.frame import (
     show,
     table,
 )
-from schuler.studio.pages.job import POLL_S, JobPanel
+from schuler.studio.pages.job import POLL_S, JobPanel, show_command
 from schuler.studio.pages.outcome import show_calibration
 from schuler.studio.rests import Rest, placed, read_rests, toggled, write_rests
 from schuler.studio.signals import View, Views
@@ -303,12 +302,8 @@ class _Fit:
 
     def commanded(self) -> None:
         """Show the command."""
-        self._command.clear()
-        with self._command:
-            if self._state.log:
-                command_box(runner.shell(self._state.arguments()))
-            else:
-                hint("Choose a log of an IMU that was put down in many poses.")
+        missing = "" if self._state.log else "Choose a log of an IMU that was put down in many poses."
+        show_command(self._command, self._state.arguments, missing)
 
     def anew(self) -> None:
         """Find the rests anew; what was fitted before stays in its folder."""

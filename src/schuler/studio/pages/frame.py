@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from html import escape
 from typing import Any
+from urllib.parse import quote
 
 from nicegui import ui
 
@@ -190,6 +191,15 @@ def _cell(value: Any) -> str:
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return f'<td class="n"><data value="{value!r}" title="{value!r}">{value:.6g}</data></td>'
     return f"<td>{escape('' if value is None else str(value))}</td>"
+
+
+def report_frame(folder: str, title: str) -> None:
+    """The report of a folder, and a link that opens it by itself."""
+    report = f"/studio/files/{quote(folder)}/report.html"
+    html(
+        f'<p><a href="{report}" target="_blank">open the report</a></p>'
+        f'<iframe class="report" title="{escape(title)}" src="{report}"></iframe>'
+    )
 
 
 def question_box(question: UndecidedError, answer: Callable[[dict[str, Any]], Any]) -> None:

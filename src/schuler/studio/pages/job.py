@@ -10,8 +10,8 @@ from html import escape
 from nicegui import ui
 
 from schuler.exceptions import SchulerError, printable
-from schuler.studio import jobs
-from schuler.studio.pages.frame import button, html, problem
+from schuler.studio import jobs, runner
+from schuler.studio.pages.frame import button, command_box, hint, html, problem
 from schuler.studio.workspace import Workspace
 
 POLL_S = 0.4
@@ -91,6 +91,19 @@ class JobPanel:
                 words = f"{_ENDED[job.state]}; {self.left}" if job.state in _ENDED else printable(job.message)
                 html(f'<p class="hint bad">{escape(job.out)}: {escape(job.state)}: {escape(words)}</p>')
                 button("start again", lambda: self._again(job))
+
+
+def show_command(place: ui.element, arguments: Callable[[], Sequence[str]], missing: str = "") -> None:
+    """Show the command that does what a page does; else what is missing, or what is wrong with its form."""
+    place.clear()
+    with place:
+        if missing:
+            hint(missing)
+            return
+        try:
+            command_box(runner.shell(arguments()))
+        except (SchulerError, OSError) as error:
+            hint(printable(str(error)), bad=True)
 
 
 def remaining(job: jobs.Job, now: float) -> str:

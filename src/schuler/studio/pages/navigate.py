@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from nicegui import events, ui
 
-from schuler.exceptions import InputError, SchulerError, printable
+from schuler.exceptions import InputError, SchulerError
 from schuler.files import write_text
 from schuler.proposal import UndecidedError, propose
 from schuler.studio import form, jobs, reading, runner
@@ -20,7 +20,6 @@ from schuler.studio.pages.frame import (
     block,
     button,
     chart,
-    command_box,
     heading,
     hint,
     html,
@@ -30,7 +29,7 @@ from schuler.studio.pages.frame import (
     question_box,
     show,
 )
-from schuler.studio.pages.job import POLL_S, JobPanel
+from schuler.studio.pages.job import POLL_S, JobPanel, show_command
 from schuler.studio.pages.outcome import show_outcome
 from schuler.studio.signals import View, Views
 from schuler.studio.workspace import (
@@ -322,15 +321,9 @@ class _Run:
 
     def commanded(self) -> None:
         """Show the command, or what is wrong with the form."""
-        self._command.clear()
-        with self._command:
-            if not (self._state.log and self._state.config):
-                hint("Choose a log and a configuration, or let one be proposed.")
-                return
-            try:
-                command_box(runner.shell(self._state.arguments()))
-            except (SchulerError, OSError) as error:
-                hint(printable(str(error)), bad=True)
+        ready = self._state.log and self._state.config
+        missing = "" if ready else "Choose a log and a configuration, or let one be proposed."
+        show_command(self._command, self._state.arguments, missing)
 
     def forget(self) -> None:
         """Show nothing; the page is about another log."""

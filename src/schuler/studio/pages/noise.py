@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,6 @@ from schuler.studio.pages.frame import (
     block,
     button,
     chart,
-    command_box,
     heading,
     hint,
     html,
@@ -27,7 +27,7 @@ from schuler.studio.pages.frame import (
     problem,
     show,
 )
-from schuler.studio.pages.job import POLL_S, JobPanel
+from schuler.studio.pages.job import POLL_S, JobPanel, show_command
 from schuler.studio.signals import Views
 from schuler.studio.workspace import Workspace, configurations, logs, new_run_name
 
@@ -35,114 +35,143 @@ from schuler.studio.workspace import Workspace, configurations, logs, new_run_na
 class _Noise:
     """State of one open page."""
 
-    def __init__(self, log: str, config: str) -> None:
-        self.log, self.config = log, config
+    def __init__(self, workspace: Workspace, views: Views, log: str, config: str) -> None:
+        self.workspace, self.views, self.log, self.config = workspace, views, log, config
         self.span: tuple[float, float] | None = None
         self.exports: list[str] = []
+
+    def arguments(self) -> list[str]:
+        """Command of the identification."""
+        if not self.log:
+            raise InputError("choose a log first")
+        out = new_run_name(self.workspace, self.log, "noise")
+        return runner.allan_arguments(self.log, self.config, out, self.span, self.exports)
 
 
 def noise_page(workspace: Workspace, views: Views, log: str, config: str) -> None:
     """Log and span on top, the command, and the report below."""
-    state = _Noise(log, config)
+    state = _Noise(workspace, views, log, config)
+    rest = _Rest(state, lambda: identification.forget(), lambda: identification.commanded())
+    identification: _Identification = _Identification(state)
+    ui.timer(0.05, rest.open, once=True)
+    ui.timer(POLL_S, identification.panel.look)
 
-    async def opened() -> None:
+
+class _Rest:
+    """Log at rest, how it is read, and the span of it that is used.
+
+    Parameters
+    ----------
+    state : _Noise
+    left : callable
+        Called when another log is chosen.
+    changed : callable
+        Called when the span or the reading has changed.
+    """
+
+    def __init__(self, state: _Noise, left: Callable[[], None], changed: Callable[[], None]) -> None:
+        self._state, self._left, self._changed = state, left, changed
+        files = ["", *configurations(state.workspace)]
+        heading("Log at rest")
+        with block("line"):
+            name_menu("log", logs(state.workspace), state.log, self._choose_log).classes("grow")
+            ui.select(
+                files, value=state.config if state.config in files else "", label="read as this configuration says",
+                on_change=lambda e: self._choose_config(e.value or ""),
+            ).props('outlined dense aria-label="configuration"').classes("grow")  # fmt: skip
+        self._hint = html("")
+        self._signals = chart("timeline", without="Choose a log.", label="signals over time, the chosen span shaded")
+        for kind in ("span", "moved"):
+            self._signals.on(kind, self._dragged, js_handler="(e) => emit(e.detail)")
+        with block("line"):
+            hint("Drag over the span that is to be used; without one it is all of the log.").style("width: auto")
+            button("all of it", lambda: self._choose_span(None))
+
+    async def open(self) -> None:
         """Read the log as the configuration says, for its signals."""
+        state = self._state
         state.span = None
-        show(signals, source="", windows=[])
+        show(self._signals, source="", windows=[])
         if state.log:
             try:
-                hints = reading.hints_of(workspace.inside(state.config) if state.config else None)
-                seen = await asyncio.to_thread(views.open, workspace.inside(state.log), hints)
+                hints = reading.hints_of(state.workspace.inside(state.config) if state.config else None)
+                seen = await asyncio.to_thread(state.views.open, state.workspace.inside(state.log), hints)
                 if seen.channels:
-                    show(signals, source=f"/studio/views/{seen.key}/signals")
+                    show(self._signals, source=f"/studio/views/{seen.key}/signals")
                 else:
-                    hint_of_reading.set_content(
+                    self._hint.set_content(
                         '<p class="hint bad">This log does not say how it is read: do so under Look, save it as a '
                         "configuration, and choose that here.</p>"
                     )
             except (SchulerError, OSError) as error:
                 problem(error)
-        commanded()
+        self._changed()
 
-    async def choose_log(name: str) -> None:
-        state.log = name
-        hint_of_reading.set_content("")
-        panel.forget()
-        result.clear()
-        await opened()
+    async def _choose_log(self, name: str) -> None:
+        self._state.log = name
+        self._hint.set_content("")
+        self._left()
+        await self.open()
 
-    async def choose_config(name: str) -> None:
-        state.config = name
-        hint_of_reading.set_content("")
-        await opened()
+    async def _choose_config(self, name: str) -> None:
+        self._state.config = name
+        self._hint.set_content("")
+        await self.open()
 
-    def arguments() -> list[str]:
-        if not state.log:
-            raise InputError("choose a log first")
-        out = new_run_name(workspace, state.log, "noise")
-        return runner.allan_arguments(state.log, state.config, out, state.span, state.exports)
+    def _choose_span(self, span: tuple[float, float] | None) -> None:
+        self._state.span = span
+        show(self._signals, windows=[] if span is None else [(*span, "outage")])
+        self._changed()
 
-    def commanded() -> None:
-        command.clear()
-        with command:
-            if state.log:
-                command_box(runner.shell(arguments()))
-            else:
-                hint("Choose a log of an IMU at rest.")
-
-    def dragged(event: events.GenericEventArguments) -> None:
+    def _dragged(self, event: events.GenericEventArguments) -> None:
         start, stop = (round(float(x), 1) for x in event.args[-2:])  # of one that is moved its number comes first
-        chosen((max(start, 0.0), stop) if stop > max(start, 0.0) else None)
+        self._choose_span((max(start, 0.0), stop) if stop > max(start, 0.0) else None)
 
-    def chosen(span: tuple[float, float] | None) -> None:
-        state.span = span
-        show(signals, windows=[] if span is None else [(*span, "outage")])
-        commanded()
 
-    def identified(job: jobs.Job) -> None:
-        commanded()  # with the next free name
-        result.clear()
-        with result:
-            _curves(job, jobs.answer(workspace, job.key))
+class _Identification:
+    """The command, its job, and what came out.
 
-    def export(names: list[str]) -> None:
-        state.exports = list(names)
-        exports.run_method("hidePopup")
-        commanded()
+    Parameters
+    ----------
+    state : _Noise
+    """
 
-    files = ["", *configurations(workspace)]
-    heading("Log at rest")
-    with block("line"):
-        name_menu("log", logs(workspace), log, choose_log).classes("grow")
-        ui.select(
-            files, value=config if config in files else "", label="read as this configuration says",
-            on_change=lambda e: choose_config(e.value or ""),
-        ).props('outlined dense aria-label="configuration"').classes("grow")  # fmt: skip
-    hint_of_reading = html("")
-    signals = chart("timeline", without="Choose a log.", label="signals over time, the chosen span shaded")
-    for kind in ("span", "moved"):
-        signals.on(kind, dragged, js_handler="(e) => emit(e.detail)")
-    with block("line"):
-        hint("Drag over the span that is to be used; without one it is all of the log.").style("width: auto")
-        button("all of it", lambda: chosen(None))
-    heading("Identification")
-    command = place()
-    with block("line"):
-        button("identify", lambda: panel.start(arguments), "main")
-        exports = ui.select(
-            {name: f"{name}: {one.description}" for name, one in EXPORTS.items() if name != "schuler"}, value=[],
-            multiple=True, label="and write files for", on_change=lambda e: export(e.value),
-        )  # fmt: skip
-        exports.props("outlined dense use-chips").classes("grow")
-    panel: JobPanel = JobPanel(
-        workspace,
-        place(),
-        lambda: jobs.latest(workspace, "allan", state.log),
-        identified,
-    )
-    result = place()
-    ui.timer(0.05, opened, once=True)
-    ui.timer(POLL_S, panel.look)
+    def __init__(self, state: _Noise) -> None:
+        self._state = state
+        heading("Identification")
+        self._command = place()
+        with block("line"):
+            button("identify", lambda: self.panel.start(state.arguments), "main")
+            self._exports = ui.select(
+                {name: f"{name}: {one.description}" for name, one in EXPORTS.items() if name != "schuler"}, value=[],
+                multiple=True, label="and write files for", on_change=lambda e: self._export(e.value),
+            )  # fmt: skip
+            self._exports.props("outlined dense use-chips").classes("grow")
+        self.panel: JobPanel = JobPanel(
+            state.workspace, place(), lambda: jobs.latest(state.workspace, "allan", state.log), self._ended
+        )
+        self._result = place()
+
+    def commanded(self) -> None:
+        """Show the command."""
+        missing = "" if self._state.log else "Choose a log of an IMU at rest."
+        show_command(self._command, self._state.arguments, missing)
+
+    def forget(self) -> None:
+        """Show nothing; the page is about another log."""
+        self.panel.forget()
+        self._result.clear()
+
+    def _export(self, names: list[str]) -> None:
+        self._state.exports = list(names)
+        self._exports.run_method("hidePopup")
+        self.commanded()
+
+    def _ended(self, job: jobs.Job) -> None:
+        self.commanded()  # with the next free name
+        self._result.clear()
+        with self._result:
+            _curves(job, jobs.answer(self._state.workspace, job.key))
 
 
 def _curves(job: jobs.Job, answer: dict[str, Any]) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from html import escape
 from typing import Any
-from urllib.parse import quote
 
 from nicegui import ui
 
@@ -14,8 +14,18 @@ from schuler.exceptions import InputError, SchulerError, printable
 from schuler.sensors import catalogue
 from schuler.studio import form, jobs, runner
 from schuler.studio.pages.entries import entry_fields
-from schuler.studio.pages.frame import block, button, command_box, heading, hint, html, place, problem, table
-from schuler.studio.pages.job import POLL_S, JobPanel
+from schuler.studio.pages.frame import (
+    block,
+    button,
+    heading,
+    hint,
+    html,
+    place,
+    problem,
+    report_frame,
+    table,
+)
+from schuler.studio.pages.job import POLL_S, JobPanel, show_command
 from schuler.studio.pages.studies import studies_part
 from schuler.studio.workspace import Workspace, identified_imus, missions, new_run_name, write_mission
 
@@ -55,110 +65,145 @@ def plan_page(workspace: Workspace, mission: str) -> None:
     if not mission:
         last = jobs.latest(workspace, "budget")
         state.mission = last.command[1] if last is not None and last.command[1] in names else next(iter(names), "")
+    with block("cols"):
+        with block("col"):
+            form_part = _Form(state, lambda: budget.forget(), lambda: budget.commanded())
+        with block("col"):
+            budget: _Budget = _Budget(state)
+    heading("Many runs, and IMUs that turn")
+    studies_part(workspace)
+    ui.timer(0.05, form_part.load, once=True)
+    ui.timer(POLL_S, budget.panel.look)
 
-    def loaded() -> None:
+
+class _Form:
+    """Mission: chosen or begun, its entries as fields, saved.
+
+    Parameters
+    ----------
+    state : _Plan
+    left : callable
+        Called when another mission is chosen.
+    changed : callable
+        Called when an entry has changed.
+    """
+
+    def __init__(self, state: _Plan, left: Callable[[], None], changed: Callable[[], None]) -> None:
+        self._state, self._left, self._changed = state, left, changed
+        names = missions(state.workspace)
+        heading("Mission")
+        with block("line"):
+            self._menu = ui.select(
+                names, value=state.mission if state.mission in names else None, label="mission",
+                on_change=lambda e: self._choose(e.value or ""),
+            ).props('outlined dense aria-label="mission"').classes("grow")  # fmt: skip
+            button("new mission", self._begin)
+        hint(
+            f"{_OUTAGES}: start and stop of each, such as [[90, 150]]. {_REQUIRE}: such as "
+            '["horizontal < 10 m @ 60 s outage"].'
+        )
+        with block("line"):
+            self._search = ui.input("search", on_change=lambda: self._entries.refresh())
+            self._search.props("outlined dense clearable").classes("grow")
+            self._every = ui.checkbox("every entry", on_change=lambda: self._entries.refresh())
+        with block("form"):
+            self._entries()
+        with block("line"):
+            button("save into the mission", self._save)
+            button("load again", self.load)
+
+    @ui.refreshable_method
+    def _entries(self) -> None:
+        state, sought = self._state, self._search.value or ""
+        entry_fields(
+            state.data, state.texts, sought, only_stated=not (sought or self._every.value), changed=self._changed,
+            model=BudgetScenario,
+        )  # fmt: skip
+
+    def load(self) -> None:
         """Read the mission; entries that were changed in the form and not saved are dropped."""
+        state = self._state
         state.data, state.checksum, state.texts = {}, "", {}
         if state.mission:
             try:
-                state.data, state.checksum = runner.data_of(workspace, state.mission)
+                state.data, state.checksum = runner.data_of(state.workspace, state.mission)
             except SchulerError as error:
                 problem(error)
-        entries.refresh()
-        commanded()
+        self._entries.refresh()
+        self._changed()
 
-    def choose(name: str) -> None:
-        state.mission = name
-        panel.forget()
-        result.clear()
-        loaded()
+    def _choose(self, name: str) -> None:
+        self._state.mission = name
+        self._left()
+        self.load()
 
-    def written() -> None:
+    def _begin(self) -> None:
+        """Write a new mission and choose it."""
         try:
-            name = write_mission(workspace)
+            name = write_mission(self._state.workspace)
         except OSError as error:
             problem(error)
             return
-        menu.set_options(missions(workspace))
-        menu.set_value(name)
+        self._menu.set_options(missions(self._state.workspace))
+        self._menu.set_value(name)
 
-    def choose_imus(chosen: list[str]) -> None:
-        state.imus = list(chosen)
-        imus.run_method("hidePopup")  # a menu of several stays open otherwise, over the button below
-        commanded()
-
-    def save() -> None:
+    def _save(self) -> None:
+        state = self._state
         try:
-            state.checksum = runner.saved(workspace, state.mission, state.changes(), state.checksum, BudgetScenario)
+            state.checksum = runner.saved(
+                state.workspace, state.mission, state.changes(), state.checksum, BudgetScenario
+            )
         except (SchulerError, OSError) as error:
             problem(error)
             return
-        loaded()
+        self.load()
         ui.notify(f"written: {state.mission}")
 
-    def commanded() -> None:
+
+class _Budget:
+    """IMU, the command, its job, and what came out.
+
+    Parameters
+    ----------
+    state : _Plan
+    """
+
+    def __init__(self, state: _Plan) -> None:
+        self._state = state
+        heading("IMU")
+        self._imus = ui.select(
+            [*identified_imus(state.workspace), *catalogue.names()], value=[], multiple=True, with_input=True,
+            label="IMU, of the catalogue or identified", on_change=lambda e: self._choose(e.value),
+        ).props('outlined dense use-chips aria-label="IMU"')  # fmt: skip
+        hint("Without one, the whole catalogue is ranked by the requirements.")
+        self._command = place()
+        with block("line"):
+            button("work out the budget", lambda: self.panel.start(state.arguments), "main")
+        self.panel: JobPanel = JobPanel(state.workspace, place(), self._latest, self._ended)
+        self._result = place()
+
+    def commanded(self) -> None:
         """Show the command, or what is wrong with the form."""
-        command.clear()
-        with command:
-            if not state.mission:
-                hint("Choose a mission, or begin with a new one.")
-                return
-            try:
-                command_box(runner.shell(state.arguments()))
-            except (SchulerError, OSError) as error:
-                hint(printable(str(error)), bad=True)
+        missing = "" if self._state.mission else "Choose a mission, or begin with a new one."
+        show_command(self._command, self._state.arguments, missing)
 
-    def worked_out(job: jobs.Job) -> None:
-        commanded()  # with the next free name
-        _outcome(result, job, jobs.answer(workspace, job.key))
+    def forget(self) -> None:
+        """Show nothing; the page is about another mission."""
+        self.panel.forget()
+        self._result.clear()
 
-    @ui.refreshable
-    def entries() -> None:
-        only = not (search.value or every.value)
-        entry_fields(
-            state.data, state.texts, search.value or "", only_stated=only, changed=commanded, model=BudgetScenario
-        )
+    def _choose(self, chosen: list[str]) -> None:
+        self._state.imus = list(chosen)
+        self._imus.run_method("hidePopup")  # a menu of several stays open otherwise, over the button below
+        self.commanded()
 
-    with block("cols"):
-        with block("col"):
-            heading("Mission")
-            with block("line"):
-                menu = ui.select(
-                    names, value=state.mission if state.mission in names else None, label="mission",
-                    on_change=lambda e: choose(e.value or ""),
-                ).props('outlined dense aria-label="mission"').classes("grow")  # fmt: skip
-                button("new mission", written)
-            hint(
-                f"{_OUTAGES}: start and stop of each, such as [[90, 150]]. {_REQUIRE}: such as "
-                '["horizontal < 10 m @ 60 s outage"].'
-            )
-            with block("line"):
-                search = ui.input("search", on_change=entries.refresh).props("outlined dense clearable").classes("grow")
-                every = ui.checkbox("every entry", on_change=entries.refresh)
-            with block("form"):
-                entries()
-            with block("line"):
-                button("save into the mission", save)
-                button("load again", loaded)
-        with block("col"):
-            heading("IMU")
-            imus = ui.select(
-                [*identified_imus(workspace), *catalogue.names()], value=[], multiple=True, with_input=True,
-                label="IMU, of the catalogue or identified", on_change=lambda e: choose_imus(e.value),
-            ).props('outlined dense use-chips aria-label="IMU"')  # fmt: skip
-            hint("Without one, the whole catalogue is ranked by the requirements.")
-            command = place()
-            with block("line"):
-                button("work out the budget", lambda: panel.start(state.arguments), "main")
-            panel: JobPanel = JobPanel(
-                workspace, place(),
-                lambda: jobs.latest(workspace, "budget", state.mission) if state.mission else None, worked_out,
-            )  # fmt: skip
-            result = place()
-    heading("Many runs, and IMUs that turn")
-    studies_part(workspace)
-    ui.timer(0.05, loaded, once=True)
-    ui.timer(POLL_S, panel.look)
+    def _latest(self) -> jobs.Job | None:
+        mission = self._state.mission
+        return jobs.latest(self._state.workspace, "budget", mission) if mission else None
+
+    def _ended(self, job: jobs.Job) -> None:
+        self.commanded()  # with the next free name
+        _outcome(self._result, job, jobs.answer(self._state.workspace, job.key))
 
 
 def _outcome(place: ui.element, job: jobs.Job, answer: dict[str, Any]) -> None:
@@ -191,11 +236,7 @@ def _outcome(place: ui.element, job: jobs.Job, answer: dict[str, Any]) -> None:
                     [("all", budget["total"]), *budget["by_group"].items()],
                     caption,
                 )
-        report = f"/studio/files/{quote(job.out)}/report.html"
-        html(
-            f'<p><a href="{report}" target="_blank">open the report</a></p>'
-            f'<iframe class="report" title="report of the budget" src="{report}"></iframe>'
-        )
+        report_frame(job.out, "report of the budget")
 
 
 def _unit(quantity: str) -> str:

@@ -14,15 +14,14 @@ from schuler.studio.pages.frame import (
     block,
     button,
     chart,
-    command_box,
-    hint,
     html,
     place,
     problem,
+    report_frame,
     show,
     table,
 )
-from schuler.studio.pages.job import POLL_S, JobPanel
+from schuler.studio.pages.job import POLL_S, JobPanel, show_command
 from schuler.studio.workspace import Workspace, new_run_name, studies, write_mission
 
 _LEFT = {
@@ -53,15 +52,7 @@ def studies_part(workspace: Workspace) -> None:
         turning.set_visibility(kind == "rotary")
         show(turning, source=f"/studio/platform?name={quote(menu.value)}" if kind == "rotary" else "")
         panel.left = _LEFT[kind]
-        command.clear()
-        with command:
-            if not menu.value:
-                hint("Choose a scenario, or begin with a new one.")
-                return
-            try:
-                command_box(runner.shell(arguments()))
-            except (InputError, OSError) as error:
-                hint(printable(str(error)), bad=True)
+        show_command(command, arguments, "" if menu.value else "Choose a scenario, or begin with a new one.")
 
     def choose() -> None:
         panel.forget()
@@ -116,8 +107,4 @@ def _outcome(job: jobs.Job, answer: dict[str, Any]) -> None:
     if "rms" in answer and "verdict" not in answer:
         rows = [tuple(row[name] for name in _COLUMNS) for row in answer["rms"]]
         table(("RMS", "fixed", "turning", "ratio"), rows)
-    report = f"/studio/files/{quote(job.out)}/report.html"
-    html(
-        f'<p><a href="{report}" target="_blank">open the report</a></p>'
-        f'<iframe class="report" title="report of the study" src="{report}"></iframe>'
-    )
+    report_frame(job.out, "report of the study")

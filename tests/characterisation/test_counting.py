@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from schuler.characterisation import identification, identify_noise
+from schuler.characterisation import axis_noise, identify_noise
 from schuler.characterisation.allan import allan_deviation
 from schuler.characterisation.counting import counted_model, pulse_lattice
 from schuler.recording.series import ImuSeries
@@ -109,7 +109,7 @@ def test_a_sensor_that_rounds_every_sample_is_as_before(monkeypatch):
     imu = imu_with(quantise(x, 40.0))
     now = identify_noise(imu).axes["accel_z"]
     assert "coarse" in {f.code for f in now.findings}
-    monkeypatch.setattr(identification, "_pulses", lambda *_: None)
+    monkeypatch.setattr(axis_noise, "_pulses", lambda *_: None)
     before = identify_noise(imu).axes["accel_z"]
     assert now.findings == before.findings
     assert now.terms == before.terms

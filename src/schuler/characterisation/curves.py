@@ -10,8 +10,8 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.characterisation.allan import AllanCurve
+from schuler.characterisation.axis_noise import estimates_of, fit_findings
 from schuler.characterisation.fitting import Weights
-from schuler.characterisation.identification import estimates_of, fit_findings
 from schuler.characterisation.moments import Moments
 from schuler.characterisation.records import read_off, with_bounds
 from schuler.characterisation.result import AXES, AxisNoise, Estimate, Finding

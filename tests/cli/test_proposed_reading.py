@@ -158,3 +158,16 @@ def test_a_folder_is_read_as_navigate_would_read_it(tmp_path, capsys):
     message = refusal(capsys, "info", tmp_path)
     assert "give one of the folders in it: inner" in message
     assert "give one of the folders in it: inner" in refusal(capsys, "navigate", tmp_path)
+
+
+@pytest.mark.parametrize("given", [{}, {"units": "accel=mg,gyro=deg/s,t=ms"}])
+def test_a_clock_that_no_header_names_is_told_by_its_steps(tmp_path, capsys, given):
+    """A header in another language; units that are given stand, and nothing else is said of them."""
+    path = tmp_path / "rest.csv"
+    save(path, ["Zeit,gx (deg/s),gy (deg/s),gz (deg/s),ax,ay,az"])
+    recording = Reading(**given).read(path)
+    assert recording.imu.interval == pytest.approx(0.01)
+    np.testing.assert_allclose(np.diff(recording.imu.t), 0.01, atol=1e-6)  # rounding
+    err = capsys.readouterr().err
+    assert "increases like a clock" in err
+    assert ("--units" in err) != bool(given)

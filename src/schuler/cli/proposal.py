@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from schuler.cli.output import say
@@ -105,7 +106,7 @@ def proposed_hints(log: Path, given: Mapping[str, Any]) -> dict[str, Any] | None
             hints |= {name.rpartition(".")[2]: value for name, value in answer(question).items()}
             continue
         except SchulerError:  # reading says what is missing
-            return recognised_files(log) or None
+            return recognised_files(log, given) or None
         for d in decisions:
             if d.value is not None:
                 name = d.entry.rpartition(".")[2]
@@ -134,13 +135,15 @@ def _read_folder(log: Path) -> dict[str, Any] | None:
     return entries
 
 
-def recognised_files(log: Path) -> dict[str, Any]:
+def recognised_files(log: Path, given: Mapping[str, Any] = MappingProxyType({})) -> dict[str, Any]:
     """Files, columns and units of a log as ``schuler navigate`` recognises them, said; empty where it does not.
 
     Parameters
     ----------
     log : Path
         File or folder.
+    given : mapping, optional
+        Hints of the user on a file, which stand.
 
     Returns
     -------
@@ -157,7 +160,7 @@ def recognised_files(log: Path) -> dict[str, Any]:
     from schuler.proposal.files import files_of
 
     try:
-        files = files_of([log], {})
+        files = files_of([log], given)
     except UndecidedError as question:
         words = " or ".join(f"--{k.split('.')[1]} {v}" for _, answer in question.choices for k, v in answer.items())
         if log.is_dir() and words:

@@ -391,6 +391,10 @@ def _table(path: Path, section: str, part: str | None) -> tuple[dict[str, Any] |
     names, stated = _layout(path, entry.get("columns")) if path.suffix.lower() not in _ARRAYS else (
         str(entry["columns"]).split(","), set()
     )  # fmt: skip
+    if "t" not in names and (at := tables.clock_column(path, names)) is not None:
+        names[at] = "t"
+        entry["columns"] = ",".join(names)
+        decisions.append(Decision(f"{section}.columns", entry["columns"], f"column {at + 1} increases like a clock"))
     units: dict[str, str] = {}
     why = ""
     accel = [names.index(name) for name in columns.ACCEL if name in names]

@@ -83,6 +83,22 @@ def imu_columns(path: Path) -> tuple[str, str] | None:
     return ",".join(names), evidence
 
 
+def clock_column(path: Path, names: Sequence[str]) -> int | None:
+    """The one column without a known name that increases like a clock, by steps of an IMU's samples in some unit.
+
+    Parameters
+    ----------
+    path : Path
+    names : sequence of str
+        Of all columns; a hyphen where the header's is not known.
+    """
+    values = _numbers(path) if "ax" in names else None
+    if values is None or len(values) < _BLOCK or values.shape[1] != len(names):
+        return None
+    clocks = [k for k, name in enumerate(names) if name == "-" and _is_clock(values[:, k]) and time_unit(values[:, k])]
+    return clocks[0] if len(clocks) == 1 else None
+
+
 def time_unit(t: FloatArray) -> tuple[str, str | None] | None:
     """Unit of an IMU's stamps by their step, and the hint ``time`` where their size tells.
 

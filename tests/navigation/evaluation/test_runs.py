@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from schuler import frames
-from schuler.exceptions import InputError
+from schuler.exceptions import FileFormatError, InputError
 from schuler.navigation.evaluation.runs import Run, compare_runs, in_gaps, read_run
 from schuler.recording import io
 from schuler.recording.recording import Metadata, Recording
@@ -55,6 +55,19 @@ def test_a_reference_at_rest_has_no_track():
     (n,) = compare_runs([run(straight(1.0, speed=0.0))], run(straight(speed=0.0), "truth")).numbers
     assert n["rms_horizontal_m"] == pytest.approx(1.0, abs=1e-6)
     assert [n[k] for k in ("rms_along_m", "mean_across_m", "relative_per_100m_m", "rms_heading_deg")] == [None] * 4
+
+
+def test_a_table_of_fixes_without_accuracies_is_a_run(tmp_path):
+    """A phone's log has none, and a comparison weighs nothing by them; what is no table is refused as before."""
+    llh = frames.llh_from_ecef(straight().r_eb_e)
+    rows = (f"{t},{lat / DEG:.9f},{lon / DEG:.9f},{h:.4f}" for t, (lat, lon, h) in zip(T, llh, strict=True))
+    path = tmp_path / "phone.csv"
+    path.write_text("time,latitude (deg),longitude (deg),altitude (m)\n" + "\n".join(rows) + "\n")
+    (n,) = compare_runs([run(straight())], read_run(path)).numbers
+    assert n["rms_horizontal_m"] == pytest.approx(0.0, abs=1e-3)  # printed digits
+    path.write_text("no table\n")
+    with pytest.raises(FileFormatError, match="no row of numbers"):
+        read_run(path)
 
 
 def test_dated_clocks_are_brought_together():

@@ -156,7 +156,9 @@ def _loaded(text: str, path: Path) -> Any:
     except yaml.YAMLError as error:
         problem = getattr(error, "problem", None) or str(error).splitlines()[0]
         raise FileFormatError(
-            f"not a YAML file: {problem}", path, _line(getattr(error, "problem_mark", None))
+            f"not a YAML file: {problem}; expected a calibration as schuler calibrate writes it",
+            path,
+            _line(getattr(error, "problem_mark", None)),
         ) from None
     except RecursionError:
         raise FileFormatError("not a calibration: its entries are nested too deeply", path) from None

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray
-from schuler.exceptions import FileFormatError, InputError
+from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.navigation.evaluation.errors import TrajectoryErrors, trajectory_errors
 from schuler.plotting.table import ResultTable, TabularResult
 from schuler.recording.io.own import time_from
@@ -157,7 +157,7 @@ def read_run(path: Path | str, **hints: Any) -> Run:
     ----------
     path : Path or str
         Solution of ours (of a folder the smoothed one, where there is one), or any file that :func:`schuler.read`
-        reads: its reference, else its fixes.
+        reads: its reference, else its fixes, which need no accuracies.
     **hints
         As of :func:`schuler.read`, such as ``origin`` for local coordinates.
 
@@ -198,7 +198,13 @@ def _own_run(path: Path, name: str) -> Run:
 def _foreign_run(path: Path, name: str, hints: Mapping[str, Any]) -> Run:
     from schuler.recording.io import read
 
-    recording = read(path, **hints)
+    try:
+        recording = read(path, **hints)
+    except FileFormatError as error:
+        try:  # a table of fixes without accuracies, which a track needs not
+            recording = read(path, **{"series": "reference", **hints})
+        except SchulerError:
+            raise error from None
     time = recording.metadata.time
     if recording.reference is not None:
         return Run(name, recording.reference, time, "", None, str(path))

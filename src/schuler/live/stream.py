@@ -54,6 +54,8 @@ class LiveStream:
     events : EventLog
     on_event : callable or None
         Called with every event.
+    span_s : float
+        Samples of so long are filtered together. [s]
     stood_still : bool
         The vehicle has not moved in the pause that follows.
     """
@@ -79,6 +81,7 @@ class LiveStream:
         self.satellites = LiveSatellites(config) if config.gnss.coupling == "tight" else None
         self.health: Health = "aligning"
         self.stood_still = False
+        self.span_s = _COLLECTED_S
         self._intake = Intake(self.satellites, self.say)
         self._begin()
 
@@ -90,11 +93,6 @@ class LiveStream:
         self._obstacle = ""
         self._kept = None
         self.newest = math.nan  # time of the newest sample, on the GNSS clock [s]
-
-    @property
-    def span_s(self) -> float:
-        """Samples of so long are filtered together. [s]"""
-        return _COLLECTED_S if self.run is None else _BLOCK_S
 
     @property
     def _interval_s(self) -> float:
@@ -111,6 +109,10 @@ class LiveStream:
         waiting : sequence of (int, message)
             Measurements among them, each with the number of samples before it.
         """
+        self._take_all(rows, waiting)
+        self.span_s = _COLLECTED_S if self.run is None else _BLOCK_S
+
+    def _take_all(self, rows: FloatArray, waiting: Sequence[tuple[int, Measurement]]) -> None:
         if self.run is not None and self._collection is None and self._take_usual(self.run, rows, waiting):
             return
         if self.run is not None and self._stamps.continues(rows[:, 0]):
@@ -300,6 +302,7 @@ class LiveStream:
             self.run = LiveRun.restored(
                 run, provenance, temperature, self.config, self._calibration, self._readings.kind
             )
+        self.span_s = _COLLECTED_S if self.run is None else _BLOCK_S
 
     def document(self) -> dict[str, Any]:
         """Everything that goes on, as plain data and arrays."""

@@ -1,5 +1,7 @@
 """MATLAB and NumPy files: which array is which, on its side or not, and what is refused as ambiguous."""
 
+import zipfile
+
 import numpy as np
 import pytest
 import scipy.io
@@ -97,6 +99,17 @@ def test_what_is_ambiguous_is_refused_with_a_list(tmp_path, arrays, hints, messa
     np.savez(path, **{name: np.zeros(shape) for name, shape in arrays.items()})
     with pytest.raises(FileFormatError, match=message):
         read(path, **hints, **SI)
+
+
+def test_an_archive_of_logs_is_named_as_one(tmp_path):
+    """Phones export folders as ZIP, which NumPy's archives are, too."""
+    path = tmp_path / "walk.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        for k in range(6):
+            archive.writestr(f"log/Sensor{k}.csv", "time,x,y,z\n0,1,2,3\n")
+    message = "a ZIP archive of 'log/Sensor0.csv', .* and 2 more, not of arrays: unpack it, and give the folder"
+    with pytest.raises(FileFormatError, match=message):
+        read(path)
 
 
 def test_counts_times_an_array_of_factors(archive, still):

@@ -12,11 +12,13 @@ import numpy as np
 
 from schuler.exceptions import FileFormatError
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.lines import shorten
 from schuler.recording.io.variables import recording_of_arrays
 from schuler.recording.recording import Recording
 
 _Array = np.ndarray[Any, np.dtype[Any]]
 _ROOM = 1 << 26  # what any file may unpack to [byte]
+_NAMED = 4  # files of an archive that a message names
 _PACKED = 200  # times its size, beyond that; deflate packs zeros by 1032, no log by more than this
 
 
@@ -39,6 +41,8 @@ def read_numpy(path: Path, hints: ReadHints) -> Recording:
         warnings.simplefilter("always")
         try:
             arrays = _load(path)
+        except FileFormatError:
+            raise
         # a damaged file makes zip and header parsers fail in ways that are not listed anywhere
         except Exception as error:
             raise FileFormatError(
@@ -82,6 +86,12 @@ def _load(path: Path) -> dict[str, _Array]:
             if entry.filename.endswith(".npy"):
                 with archive.open(entry) as member:
                     arrays[entry.filename.removesuffix(".npy")] = _array(member, entry.file_size)
+        if not arrays and (names := [n for n in archive.namelist() if not n.endswith("/")]):
+            listed = ", ".join(shorten(name, 40) for name in names[:_NAMED])
+            more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+            raise FileFormatError(
+                f"a ZIP archive of {listed}{more}, not of arrays: unpack it, and give the folder", path
+            )
     return arrays
 
 

@@ -1,7 +1,7 @@
 """Notebooks (``.ipynb``): their Markdown with the outputs they were saved with, and new outputs.
 
 ``python docs/_ext/notebooks.py docs/notebook.ipynb`` executes one anew and saves its outputs (needs ``nbclient``
-and ``ipykernel``, extra ``test``); tests/test_notebooks.py executes it and compares the kinds of its outputs.
+and ``ipykernel``, extra ``docs``); tests/test_notebooks.py executes it and compares the kinds of its outputs.
 """
 
 from __future__ import annotations

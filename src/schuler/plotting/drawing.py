@@ -55,8 +55,9 @@ def save(figure: Figure, stem: Path, formats: Sequence[str]) -> list[Path]:
     """Write a matplotlib figure as ``stem.<format>`` for each format, without date or random names in the files."""
     import matplotlib as mpl
 
-    # the layout is found once, not anew for each format
-    figure.draw_without_rendering()
+    # the layout is found once, not anew for each format, and without a drawing for it
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
     figure.set_layout_engine("none")
     written = []
     for suffix in formats:

@@ -9,9 +9,11 @@ import pytest
 
 from schuler import earth, frames, rotation, units
 from schuler.exceptions import InputError
+from schuler.filtering.states import StateLayout, StateModel
 from schuler.navigation.config import AlignmentSection, NavigationConfig
 from schuler.navigation.evaluation.consistency import chi_square_band, state_errors
 from schuler.navigation.run import navigate, prepared_run
+from schuler.navigation.start.alignment import position_error_of_fix
 from schuler.navigation.start.levelling import level_in_motion
 from schuler.navigation.start.rests import rests_before
 from schuler.navigation.start.velocity_fit import velocity_fit, with_velocities
@@ -410,3 +412,18 @@ def test_a_start_in_a_turn_has_the_velocity_of_the_imu():
     start = prepared_run(log, asked).initial.nav
     v = truth.at(np.array([start.t])).v_eb_e[0]
     np.testing.assert_allclose(start.v_eb_e, v, rtol=0.0, atol=4.0 * sigma)
+
+
+def test_the_position_of_a_start_errs_as_its_attitude_and_lever_arm_do():
+    """Numerical twin: the fix is the antenna's, so the IMU is where the arm leads back to. Central differences."""
+    layout, h = StateLayout({"lever": StateModel.constant(0.1)}), 1e-6
+    C, lever, r_antenna = rotation.dcm_from_rpy([0.1, -0.2, 2.0]), np.array([1.5, 0.3, -1.0]), np.array([7.0, 8.0, 9.0])
+
+    def place(error):
+        """By an attitude and a lever arm so wrong, estimate minus truth."""
+        return r_antenna - rotation.dcm_from_rotvec(error[:3]) @ C @ (lever + error[3:])
+
+    T = position_error_of_fix(layout, C, lever, np.zeros(3))
+    twin = np.stack([(place(h * e) - place(-h * e)) / (2.0 * h) for e in np.eye(6)], axis=1)
+    np.testing.assert_allclose(T[6:9, :3], twin[:, :3], atol=1e-8)
+    np.testing.assert_allclose(T[6:9, layout["lever"]], twin[:, 3:], atol=1e-8)

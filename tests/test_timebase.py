@@ -68,6 +68,11 @@ def test_days_beyond_every_table_are_warned_of(system_list):
     """No list, an expired one, one that contradicts ours or is no list: the last count, with a warning."""
     valid_to = timebase.LEAP_TABLE_VALID_TO
     assert timebase.leap_seconds(valid_to) == 18
+    own = (*timebase.LEAP_DAYS, (2030, 7, 1)), dt.date(2036, 6, 28)
+    system_list(*own)
+    assert timebase.leap_seconds(own[1]) == 19  # the last day of a list is one of it
+    timebase._SYSTEM_LIST.unlink()
+    timebase._system_leap_days.cache_clear()
     with pytest.warns(timebase.LeapSecondWarning, match=rf"known to {valid_to}, got .*: 18 s are taken; update"):
         assert timebase.leap_seconds(valid_to + dt.timedelta(days=1)) == 18
     for days, expires in (

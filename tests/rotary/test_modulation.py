@@ -54,6 +54,13 @@ def test_a_vehicle_that_turns_back_undoes_the_modulation(share):
     np.testing.assert_allclose(result.bias_n[0], result.mean_n[0])
 
 
+def test_a_turning_vehicle_turns_about_its_own_down_axis_alone():
+    """In whatever attitude it began: what is left of its rates is the Earth's."""
+    state = turning_vehicle(LLH, 0.1, 20.0, rpy_nb=(0.2, -0.3, 1.0)).state(np.linspace(0.0, 20.0, 5))
+    gyro = inertial_quantities(state)[0]
+    np.testing.assert_allclose(np.linalg.norm(gyro - [0.0, 0.0, 0.1], axis=1), 7.292115e-5, rtol=1e-6)
+
+
 def test_running_mean_of_a_modulated_bias():
     """sin(wt) / (wt) of the closed form; quadrature below 1e-12."""
     t = np.linspace(0.0, 50.0, 51)
@@ -109,6 +116,9 @@ def test_wrong_times_are_refused():
     for t in ([1.0, 1.0], [1.0, 0.5]):
         with pytest.raises(InputError, match="increasing times"):
             open_loop_errors(motion, ImuErrors(), t)
+    for step in (0.0, -0.5, float("nan")):
+        with pytest.raises(InputError, match="positive step"):
+            open_loop_errors(motion, ImuErrors(), [0.0, 1.0], step=step)
     with pytest.raises(InputError, match="duration"):
         residue(motion, 0.0)
     np.testing.assert_allclose(residue(motion, 0.5).bias, np.eye(3), atol=1e-13)  # however short
@@ -277,6 +287,9 @@ def test_a_quadrature_stops_at_jumps_and_nowhere_without_need():
             for step in (1.0, 0.25)
         )
         np.testing.assert_allclose(coarse, fine, atol=1e-9)
+    limits, kept = _steps(moving, np.array([0.0, breaks[0] + 0.5, 150.0]), 1.0)
+    assert np.abs(limits - breaks[0]).min() < 1e-9  # also the jump before the second time
+    assert list(limits[kept]) == [0.0, breaks[0] + 0.5, 150.0]
     still = RotatingMotion(REST, schemes.fixed())
     np.testing.assert_allclose(_steps(still, np.array([0.0, 10.0]), 0.1)[0], np.linspace(0.0, 10.0, 101), atol=1e-12)
     np.testing.assert_array_equal(_steps(still, np.array([0.0, 0.05]), 0.1)[0], [0.0, 0.05])

@@ -103,6 +103,7 @@ def forked(folder: Path, command: str, until: int | None = None) -> Forked:
             if made == until:
                 os.kill(os.getpid(), signal.SIGKILL)
 
+        sys.dont_write_bytecode = True  # where files may not grow, Python 3.11 keeps cut ones
         try:
             os.chdir(folder)
             with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):

@@ -132,3 +132,23 @@ def test_a_receiver_in_the_stratosphere(rng):
     r = prepare_ranges(observe(eph, [0.0], lambda t: place, lambda t: 0.0), eph, ionosphere="none")
     assert np.isfinite(r.elevation).all()
     assert np.isfinite(r.pseudorange).all()
+
+
+def test_a_log_of_wrong_times_is_given_up_soon_and_its_end_still_found(monkeypatch):
+    """Searches grow as the root of twice the number of epochs; what is right behind them is found after a pause."""
+    from schuler.gnss import coarse
+
+    r_sat, _, _ = sats_above(8, np.random.default_rng(2))
+    right = geometric_ranges(r_sat, HOME[None])
+    wrong = right + np.linspace(-4e4, 4e4, 8) ** 2 / 1e4
+    searched = []
+    search = coarse._fix
+    monkeypatch.setattr(coarse, "_fix", lambda *given: searched.append(1) or search(*given))
+    epochs = 200
+    t, sats = np.repeat(np.arange(float(epochs)), 8), np.tile(r_sat, (epochs, 1))
+    assert len(coarse_track(t, np.tile(wrong, epochs), sats)[0]) == 0
+    assert len(searched) <= coarse._PATIENCE + 1 + np.sqrt(2.0 * epochs)
+    late = np.where(t < 100.0, np.tile(wrong, epochs), np.tile(right, epochs))
+    t_fix, r_fix = coarse_track(t, late, sats)
+    assert 100.0 <= t_fix[0] < 115.0
+    assert np.allclose(r_fix, HOME, atol=1e-3)  # rounding

@@ -16,6 +16,7 @@ SPACING_S = 10.0  # a track needs no more: 3 km at the speed of an airliner [s]
 _EARLY = 1e-3  # of a spacing: an epoch at its beginning may be stamped so much before
 MOST_FIXES = 500
 _GROSS = 1_000.0  # residuals above this are not of orbits, clocks or atmosphere [m]
+_PATIENCE = 10  # epochs in a row without a fix, before some are passed over
 _LOWEST, _HIGHEST = -2e3, 5e4  # heights of receivers [m]
 _ABOVE_CENTRE = 6.0e6  # [m]
 
@@ -67,7 +68,8 @@ def coarse_track(t: FloatArray, pseudorange: FloatArray, r_sat_e: FloatArray) ->
     -----
     Where there are six satellites, gross errors are found: the satellite without which the others agree best goes,
     until all residuals are below 1 km.
-    Epochs that keep larger ones, or end up below the ground or above 50 km, are left out.
+    Epochs that keep larger ones, or end up below the ground or above 50 km, are left out. From the tenth in a row on
+    ever more of the following ones are passed over: a log with wrong times has none, and each is a search of its own.
     """
     starts = np.flatnonzero(np.append(True, np.diff(t) > 0.0)) if len(t) else np.zeros(0, dtype=np.int64)
     ends = np.append(starts[1:], len(t))
@@ -78,11 +80,15 @@ def coarse_track(t: FloatArray, pseudorange: FloatArray, r_sat_e: FloatArray) ->
     spacing = max(SPACING_S, (t[starts[-1]] - t[starts[0]]) / MOST_FIXES)
     part = np.floor(t[starts] / spacing + _EARLY)
     times, fixes = [], []
-    done = -np.inf
+    done, failures, passed = -np.inf, 0, 0
     for a, b, number in zip(starts, ends, part, strict=True):
         if number == done:
             continue
+        if passed < failures - _PATIENCE:
+            passed += 1
+            continue
         fix = _fix(pseudorange[a:b], r_sat_e[a:b])
+        failures, passed = 0 if fix is not None else failures + 1, 0
         if fix is not None:
             times.append(t[a])
             fixes.append(fix)

@@ -166,7 +166,7 @@ class Sender:
                 for row in rows:
                     if start <= float(row.partition(b",")[0]) < start + SLICE_S:
                         send(row)
-                time.sleep(0.1)
+                time.sleep(0.04)
             if start > self.first + 2.0 * SLICE_S:  # aligned by then
                 self.wait_for(min(start + SLICE_S, self.last) - 0.2)
 

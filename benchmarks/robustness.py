@@ -172,7 +172,8 @@ def recorded(data: Path) -> dict[str, dict[str, float]]:
         for rule in RULES:
             result = under(run, rule)
             errors = horizontal_errors(result, judge)
-            values[f"{rule} inside"] = rms(errors.where(within(errors.t, list(result.outages), 1.0)))
+            inside = errors.where(within(errors.t, list(result.outages), 1.0))
+            values[f"{rule} inside"] = rms(inside) if len(inside.t) else np.nan
             values[f"{rule} aided"] = rms(errors.where(~within(errors.t, [(a, b + 1.0) for a, b in result.outages])))
         rows[f"{case.recording} {case.question}"] = values
     return rows
@@ -198,12 +199,8 @@ def main() -> None:
     if options.only in "corpus" and options.data.exists():
         print("| RMS in outages / with fixes [m] |", " | ".join(RULES), "|")
         for name, r in recorded(options.data).items():
-            print(
-                f"| {name} |",
-                " | ".join(f"{r[f'{k} inside']:.3g} / {r[f'{k} aided']:.3g}" for k in RULES),
-                "|",
-                flush=True,
-            )
+            cells = [[f"{r[f'{k} {part}']:.3g}" for part in ("inside", "aided")] for k in RULES]
+            print(f"| {name} |", " | ".join(" / ".join(x for x in c if x != "nan") for c in cells), "|", flush=True)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from schuler import frames
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import ACCEPTED, FORCED, POSITION, REJECTED
 from schuler.navigation.config import NavigationConfig
@@ -264,3 +265,12 @@ def test_a_claim_beyond_the_distance_between_fixes_is_doubtful(recording, accel,
     run = config(imu=noisy, filter={"tune": False}, gnss={"velocity": False})
     verdict = navigate(recording, run).verdict
     assert any("adds nothing" in reason for reason in verdict.reasons) == claimed
+
+
+def test_poor_fixes_are_not_taken_for_a_poor_prediction(recording):
+    """Innovations of fixes of 6 m are larger than the way between two; what the run predicts is not."""
+    g, rng = recording.gnss, np.random.default_rng(4)
+    r = frames.ecef_from_llh(g.llh) + 6.0 * rng.standard_normal((len(g), 3))
+    cov = np.tile(36.0 * np.eye(3), (len(g), 1, 1))
+    poor = replace(recording, gnss=replace(g, llh=frames.llh_from_ecef(r), cov_r_n=cov))
+    assert not any("adds nothing" in reason for reason in navigate(poor, config()).verdict.reasons)

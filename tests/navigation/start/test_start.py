@@ -376,6 +376,25 @@ def test_a_right_course_is_left_alone(drive):
     assert not notes(navigate(drive, config()), "accelerations")
 
 
+@pytest.mark.parametrize("first", [7, 10, 13])
+def test_wrong_fixes_do_not_choose_a_heading(drive, first):
+    """Two in a row, so that they are not seen to jump back, of fixes of a centimetre."""
+    rng = np.random.default_rng(2)
+    reference, gnss = drive.need_reference(), drive.need_gnss()
+    r = frames.ecef_from_llh(reference.at(gnss.t).llh) + 0.01 * rng.standard_normal((len(gnss), 3))
+    C = frames.C_en(gnss.llh)
+    cov = np.tile(1e-4 * np.eye(3), (len(gnss), 1, 1))
+    off = np.isin(np.arange(len(gnss)) % 20, (first, first + 1))[:, None] * (C @ np.array([12.0, 16.0, 0.0]))
+    right, wrong = (
+        prepared_run(
+            replace(drive, gnss=replace(gnss, llh=frames.llh_from_ecef(x), cov_r_n=cov)),
+            NavigationConfig.checked(config()),
+        )
+        for x in (r, r + off)
+    )
+    assert abs(frames.wrap_angle(wrong.initial.nav.rpy_nb[2] - right.initial.nav.rpy_nb[2])) < 1e-3
+
+
 def test_a_heading_that_nothing_shows_is_said_to_be_in_doubt():
     """At rest nothing shows it: an error where it must come from the log, a note where it was given."""
     imu = still_log([(120.0, 0.0, 0.0, 1.0)], np.random.default_rng(8))

@@ -267,8 +267,9 @@ def _claims(result: NavigationResult) -> Iterator[Finding]:
 
     Notes
     -----
-    A fix of covariance R that meets a prediction of covariance P leaves P R / (P + R) and has the innovation covariance
-    P + R, which is above four times the former exactly where the prediction adds less than the fix.
+    A prediction of variance P that meets a fix of variance R has the innovation variance S = P + R and leaves
+    L = P R / S: P and R are the two roots of ``x^2 - S x + S L``. P is the larger one, and adds less than the fix,
+    where what the last record carries on to the fix, without the noise in between, is above their geometric mean.
     """
     inn, T = result.innovations, result.trajectory
     tested = int(np.isfinite(inn.nis).sum())
@@ -284,9 +285,13 @@ def _claims(result: NavigationResult) -> Iterator[Finding]:
     left = variance[np.minimum(np.searchsorted(result.t, fixes.t, side="right"), len(result.t) - 1)]
     after = T.r_eb_e[np.minimum(np.searchsorted(T.t, fixes.t, side="right"), len(T.t) - 1)]
     travelled = float(np.median(np.linalg.norm(np.diff(after, axis=0), axis=1)))
-    predicted = np.sum(fixes.sigma[1:, :2] ** 2, axis=1)
-    claim = float(np.sqrt(np.median(predicted)))
-    if claim > travelled > 2.0 * float(np.sqrt(np.median(left))) and np.median(predicted / left[1:]) > 4.0:
+    k = np.maximum(np.searchsorted(result.t, fixes.t[1:]) - 1, 0)
+    P, dt = result.covariance[k], np.maximum(fixes.t[1:] - result.t[k], 0.0)
+    carried = variance[k] + sum(2.0 * dt * P[:, 3 + i, 6 + i] + dt**2 * P[:, 3 + i, 3 + i] for i in (0, 1))
+    S, L = np.sum(fixes.sigma[1:, :2] ** 2, axis=1), left[1:]
+    claim = float(np.sqrt(np.median(0.5 * S * (1.0 + np.sqrt(np.maximum(1.0 - 4.0 * L / S, 0.0))))))
+    worse = float(np.median(carried**2 / (S * L))) > 1.0
+    if claim > travelled > 2.0 * float(np.sqrt(np.median(left))) and worse:
         text = (
             f"{kind_text(POSITION)}: predicted to {claim:.2g} m (1 sigma, median), and {travelled:.2g} m lie between "
             "one fix and the next: the IMU adds nothing to them"

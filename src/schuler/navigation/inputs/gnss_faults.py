@@ -16,6 +16,8 @@ LARGER = "innovations show that the"
 
 _MOVING = 1.0  # speed from which a direction means something [m/s]
 _PAIRS = 20  # fewer do not convict
+_ACCELERATION = 20.0  # of a vehicle whose velocity is not measured, at most [m/s^2]
+_ALONE = 1.5  # a single fix is off its neighbours' line twice as far as they seem off theirs, because of it
 
 
 def no_overlap(imu: ImuSeries, gnss: GnssSeries) -> None:
@@ -52,6 +54,45 @@ def frozen(gnss: GnssSeries) -> BoolArray:
     speed = np.linalg.norm(gnss.v_n[:, :2], axis=1)
     same[1:] = repeated & (np.minimum(speed[1:], speed[:-1]) * np.diff(gnss.t) > 0.5)
     return same
+
+
+def blunders(gnss: GnssSeries) -> BoolArray:
+    """Single fixes that jump off the way of their neighbours and back. Shape (n,).
+
+    Parameters
+    ----------
+    gnss : GnssSeries
+
+    Notes
+    -----
+    A fix is compared with the line between the one before and the one after it, bent by the acceleration between their
+    velocities. Beyond six 1-sigma, what a vehicle may turn or accelerate in between (with velocities half their change
+    over the longer step and half a metre, without 20 m/s^2), it is off if its neighbours, compared in the same way,
+    seem off by clearly less and to the other side, as they do because of it. A step that stays, scatter, and two wrong
+    fixes in a row are not marked.
+    """
+    off = np.zeros(len(gnss), dtype=bool)
+    if len(gnss) < 5:
+        return off
+    before, after = np.diff(gnss.t)[:-1], np.diff(gnss.t)[1:]
+    w = (after / (before + after))[:, None]
+    r = frames.ned_from_ecef(frames.ecef_from_llh(gnss.llh), gnss.llh[0])
+    e = r[1:-1] - w * r[:-2] - (1.0 - w) * r[2:]
+    var = np.einsum("nii->ni", gnss.cov_r_n)
+    var = var[1:-1] + w**2 * var[:-2] + (1.0 - w) ** 2 * var[2:]
+    slack = 0.5 * _ACCELERATION * before * after
+    if gnss.v_n is not None and np.isfinite(gnss.v_n[:, :2]).all():
+        change = np.nan_to_num(gnss.v_n[2:] - gnss.v_n[:-2])
+        e += 0.5 * change * (before * after / (before + after))[:, None]
+        slack = np.minimum(slack, 0.5 + 0.5 * np.maximum(before, after) * np.linalg.norm(change, axis=1))
+    for part in (slice(0, 2), slice(2, 3)):
+        size = np.linalg.norm(e[:, part], axis=1)
+        far = size > 6.0 * np.sqrt(var[:, part].max(axis=1)) + slack
+        for to in (-1, 1):
+            beside, same = np.roll(size, to), np.sum(e[:, part] * np.roll(e[:, part], to, axis=0), axis=1)
+            far &= (size > _ALONE * beside) & (same < 0.0)
+        off[2:-2] |= far[1:-1]
+    return off
 
 
 def held(gnss: GnssSeries) -> tuple[BoolArray, float]:

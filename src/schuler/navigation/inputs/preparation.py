@@ -16,7 +16,7 @@ from schuler.exceptions import ConfigError, InputError
 from schuler.filtering.engine import FilterOptions
 from schuler.filtering.measurements import RESET_VELOCITY, VELOCITY, MeasurementSchedule
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.inputs.gnss_faults import contradictions, frozen, held, no_overlap
+from schuler.navigation.inputs.gnss_faults import blunders, contradictions, frozen, held, no_overlap
 from schuler.navigation.start.calibration import CalibrationStart, configured_start
 from schuler.recording.series import GnssSeries, ImuSeries
 
@@ -246,6 +246,13 @@ def prepared_gnss(
             f"velocity did not; the first at {gnss.t[k]:.3f} s"
         )
         gnss = gnss.where(~stopped)
+    single = blunders(gnss)
+    if single.any():
+        notes.append(
+            f"{int(single.sum())} single GNSS fixes left out that jump off the way of their neighbours and back; the "
+            f"first at {gnss.t[single][0]:.3f} s"
+        )
+        gnss = gnss.where(~single)
     if section.coupling in ("loose", "reset"):
         notes += contradictions(gnss, delay=section.velocity_delay_s, used=section.velocity)
     return replace(

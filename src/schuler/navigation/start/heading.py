@@ -45,16 +45,20 @@ _BESIDE = np.array([0.0, 20.0, -20.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 1
 HEADING_CONTRADICTED = "the log contradicts the heading given at the start"
 
 
-def log_likelihood(prepared: PreparedRun, initial: InitialState, span_s: float) -> tuple[float, float]:
+def log_likelihood(
+    prepared: PreparedRun, initial: InitialState, span_s: float, gated: bool = False
+) -> tuple[float, float]:
     """Log-likelihood of GNSS innovations after a start, and their mean square, normalised.
 
     Parameters
     ----------
     prepared : PreparedRun
-        Of its measurements those of GNSS count: what a vehicle can and cannot do presupposes a heading. No gates.
+        Of its measurements those of GNSS count: what a vehicle can and cannot do presupposes a heading.
     initial : InitialState
     span_s : float
         Length of the run. [s]
+    gated : bool
+        Whether fixes are gated as in a run, and none weighs more than one at the gate: wrong ones decide nothing then.
 
     Returns
     -------
@@ -67,7 +71,7 @@ def log_likelihood(prepared: PreparedRun, initial: InitialState, span_s: float) 
         prepared,
         initial=initial,
         increments=prepared.increments.between(t - 1e-9, t + span_s),
-        schedule=replace(schedule, gate=np.where(schedule.gate < 0.0, schedule.gate, np.inf)),
+        schedule=schedule if gated else replace(schedule, gate=np.where(schedule.gate < 0.0, schedule.gate, np.inf)),
         options=replace(prepared.options, smoother=False, record_s=span_s, output_rate_hz=1.0),
     ).run()
     size = np.array([DIMENSIONS[int(k)] for k in schedule.kind])
@@ -75,7 +79,8 @@ def log_likelihood(prepared: PreparedRun, initial: InitialState, span_s: float) 
     if not used.any():
         return -np.inf, np.inf
     own = np.arange(3) < size[used][:, None]
-    squares = float(forward.nis[used].sum())
+    nis = forward.nis[used]
+    squares = float((np.minimum(nis, np.abs(schedule.gate[used])) if gated else nis).sum())
     likelihood = -0.5 * (squares + float(np.log(np.where(own, forward.variance[used], 1.0)).sum()))
     return (likelihood if np.isfinite(likelihood) else -np.inf), squares / float(size[used].sum())
 
@@ -110,7 +115,9 @@ def judged_start(
     -----
     A heading from the course is tried against others: a vehicle that started backwards, sideways, or an IMU mounted
     across is found by its accelerations, which fixes show in north and east. Headings of a circle are compared at the
-    IMU noise that is likeliest for each (profile likelihood) where none fits the noise as stated. Log-likelihoods are
+    IMU noise that is likeliest for each (profile likelihood) where none fits the noise as stated. A sure course has to
+    be less likely both with all fixes and with those that pass the gates: two wrong fixes in a row wreck every run
+    without gates, and which heading comes off best is chance. Log-likelihoods are
     divided by the mean normalised innovation squared of the best run where that is above one, so that noise stated too
     small does not convict. A given heading stays, with a note where another is as much likelier. Where nothing is
     known, headings of a full circle are tried over one, two and four minutes; those that remain likely make the heading
@@ -126,6 +133,10 @@ def judged_start(
         relative, squares = stated(apart, [start.sigma, *[_WIDTH * 2.0] * (len(apart) - 1)], _SPANS_S[0])
         best = int(np.argmax(relative))
         if relative[0] > relative[best] - _CONVICTS or squares[best] > _CLEARLY * squares[0]:
+            return start.initial, method, []
+        gated = [lambda state, span: log_likelihood(prepared, finish(state), span, gated=True)]
+        relative, _ = _relative(start, gated, apart[[0, best]], [start.sigma, _WIDTH * 2.0], _SPANS_S[0])
+        if relative[0] > -_CONVICTS:
             return start.initial, method, []
     elif start.source == "given" and start.sigma < _UNSURE:
         relative, _ = tried(_BESIDE, [start.sigma, *[_WIDTH * 2.0] * (len(_BESIDE) - 1)], _SPANS_S[0])

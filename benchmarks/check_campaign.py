@@ -477,29 +477,29 @@ class Table:
         self.kinds: Counter[str] = Counter()
         self.false: Counter[tuple[str, str, str]] = Counter()
         self.lines: list[str] = []
-        self.said: dict[str, list[tuple[float, bool]]] = defaultdict(list)
+        self.counts: dict[str, list[tuple[float, bool]]] = defaultdict(list)
         self.named: Counter[bool] = Counter()
         self.others: list[str] = []
 
-    def add(self, source: str, number: int, kind: str, found: Diagnosis) -> None:
+    def add(self, source: str, number: int, kind: str, diagnosis: Diagnosis) -> None:
         """Count what was found in a case that is in order."""
         self.kinds[source] += 1
-        for f in found.findings:
+        for f in diagnosis.findings:
             # fixes that are held are so; what a real recording has besides is not known
             if f.severity == "note" or ("held" in kind and f.code in ("gnss_repeated", "gnss_fused")):
                 continue
             self.false[(f.severity, f.code, f"{source}: {kind}")] += 1
             if source != "cut":
-                self.said[f.code].append((f.confidence, False))
+                self.counts[f.code].append((f.confidence, False))
             if f.severity == "error":
                 self.lines.append(f"  {source} {number} ({kind}) {f.code} {100 * f.confidence:.1f} %: {f.text[:150]}")
 
-    def add_spoilt(self, case: str, fault: Any, clean: Diagnosis, found: Diagnosis) -> None:
+    def add_spoilt(self, case: str, fault: Any, clean: Diagnosis, diagnosis: Diagnosis) -> None:
         """Count what was found in a case with a fault, what the clean case shows too left out."""
-        self.named[fault.named_by(found)] += 1
-        for f in found.findings:
+        self.named[fault.named_by(diagnosis)] += 1
+        for f in diagnosis.findings:
             if f.severity != "note" and not clean.has(f.code):
-                self.said[f.code].append((f.confidence, f.code in fault.codes))
+                self.counts[f.code].append((f.confidence, f.code in fault.codes))
                 if f.severity == "error" and f.code not in fault.codes:
                     self.others.append(f"  {case}, {fault.name}: {f.code} {100 * f.confidence:.1f} %: {f.text[:120]}")
 
@@ -518,12 +518,12 @@ class Table:
         if self.named:
             out.append(f"faults named: {self.named[True]} of {sum(self.named.values())}; errors beside them:")
             out += self.others
-        if any(right for said in self.said.values() for _, right in said):
+        if any(right for counts in self.counts.values() for _, right in counts):
             out.append("likelihood said: right of all")
-            for code, said in {"all": [x for s in self.said.values() for x in s], **self.said}.items():
+            for code, counts in {"all": [x for s in self.counts.values() for x in s], **self.counts}.items():
                 row = []
                 for a, b in itertools.pairwise(BINS):
-                    inside = [right for p, right in said if a <= p < b]
+                    inside = [right for p, right in counts if a <= p < b]
                     if inside:
                         row.append(f"{a:.2f}-{min(b, 1):.2f}: {sum(inside)} of {len(inside)}")
                 out.append(f"  {code:16s} " + "; ".join(row))
@@ -543,10 +543,10 @@ def campaign(
     """Diagnose every case."""
     table = Table()
     for source, number, kind, recording in cases(drives, towns, cut_number, half, only, first):
-        found = diagnose(recording)
-        table.add(source, number, kind, found)
+        diagnosis = diagnose(recording)
+        table.add(source, number, kind, diagnosis)
         if faults and (made := spoilt(recording, number)) is not None:
-            table.add_spoilt(f"{source} {number} ({kind})", made[1], found, diagnose(made[0]))
+            table.add_spoilt(f"{source} {number} ({kind})", made[1], diagnosis, diagnose(made[0]))
     return table
 
 

@@ -132,8 +132,8 @@ def differences(base: CalibrationResult, result: CalibrationResult, units: tuple
     for name in base.names:
         if name[:3] not in ("b_a", "M_a", "b_g", "M_g") or name not in result.names:
             continue
-        (x, sigma), (true, known) = result[name], base[name]
-        if not np.isfinite(sigma) or not np.isfinite(known):
+        (x, sigma), (true, sigma_given) = result[name], base[name]
+        if not np.isfinite(sigma) or not np.isfinite(sigma_given):
             continue
         k = "ag".index(name[2])
         one = float(name[0] == "M" and name[-1] == name[-2])

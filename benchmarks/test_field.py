@@ -36,8 +36,8 @@ def test_campaign(benchmark, grade, rests):
 def test_parts(benchmark, what):
     work = job("yaman-automotive", "given", FieldOptions.thesis() if "source" in what else None)
     (imu, _), _, heading = simulated_unit(work, SEEDS[0])
-    found = calibrated(work, imu, heading)
-    benchmark.extra_info["epochs"] = len(imu) * (len(found.passes) if "pass" in what or "settled" in what else 1)
+    calibration = calibrated(work, imu, heading)
+    benchmark.extra_info["epochs"] = len(imu) * (len(calibration.passes) if "pass" in what or "settled" in what else 1)
     calls = {"simulate": lambda: simulated_unit(work, SEEDS[0]), "find rests": lambda: field_rests(imu)}
     benchmark.pedantic(calls.get(what, lambda: calibrated(work, imu, heading)), rounds=5, warmup_rounds=1)
 

@@ -25,5 +25,5 @@ def log():
 def test_identification(benchmark, log):
     benchmark.group = "full identification, 6 axes of 4.32 M samples"
     benchmark.extra_info["epochs"] = SAMPLES
-    found = benchmark.pedantic(identify_noise, args=(log,), rounds=2, warmup_rounds=1)
-    assert len(found.axes) == 6
+    identified = benchmark.pedantic(identify_noise, args=(log,), rounds=2, warmup_rounds=1)
+    assert len(identified.axes) == 6

@@ -43,7 +43,7 @@ def test_shapes_that_fit(shape, wanted):
 
 
 @pytest.mark.parametrize(
-    ("shape", "wanted", "said"),
+    ("shape", "wanted", "message"),
     [
         ((5, 2), (None, 3), r"gyro: expected shape \(n, 3\), got \(5, 2\)"),
         ((3, 5), (None, 3), r"gyro: expected shape \(n, 3\), got \(3, 5\)"),
@@ -54,8 +54,8 @@ def test_shapes_that_fit(shape, wanted):
         ((2, 2), (3, 3), r"gyro: expected shape \(3, 3\), got \(2, 2\)"),
     ],
 )
-def test_a_wrong_shape_is_named_with_the_wanted_one(shape, wanted, said):
-    with pytest.raises(InputError, match=f"^{said}$"):
+def test_a_wrong_shape_is_named_with_the_wanted_one(shape, wanted, message):
+    with pytest.raises(InputError, match=f"^{message}$"):
         as_floats(np.ones(shape), "gyro", wanted)
 
 
@@ -79,13 +79,13 @@ def test_a_single_number_has_the_shape_of_a_single_number():
 )
 def test_nan_and_infinity_are_refused_with_the_first_index(value, index):
     """The index counts along time, axis 0, whatever follows."""
-    said = f"^accel: expected finite numbers, got NaN or infinity first at index {index}; cut or fill it$"
-    with pytest.raises(InputError, match=said):
+    message = f"^accel: expected finite numbers, got NaN or infinity first at index {index}; cut or fill it$"
+    with pytest.raises(InputError, match=message):
         as_floats(value, "accel")
 
 
 @pytest.mark.parametrize(
-    ("value", "said"),
+    ("value", "message"),
     [
         ("abc", "t: expected real numbers, got 'abc'"),
         (["1", "b"], r"t: expected real numbers, got \['1', 'b'\]"),
@@ -95,8 +95,8 @@ def test_nan_and_infinity_are_refused_with_the_first_index(value, index):
         (object, "t: expected real numbers, got <class 'object'>"),
     ],
 )
-def test_what_is_no_number_is_shown(value, said):
-    with pytest.raises(InputError, match=f"^{said}$"):
+def test_what_is_no_number_is_shown(value, message):
+    with pytest.raises(InputError, match=f"^{message}$"):
         as_floats(value, "t")
 
 
@@ -134,16 +134,16 @@ def test_readonly_is_the_same_array_with_writing_off():
 
 
 @pytest.mark.parametrize(
-    ("path", "line", "said"),
+    ("path", "line", "message"),
     [
         (None, None, "no header"),
         ("a/log.csv", None, "a/log.csv: no header"),
         ("a/log.csv", 7, "a/log.csv:7: no header"),
     ],
 )
-def test_file_errors_start_with_the_place(path, line, said):
+def test_file_errors_start_with_the_place(path, line, message):
     error = FileFormatError("no header", path, line)
-    assert str(error).replace("\\", "/") == said
+    assert str(error).replace("\\", "/") == message
     assert error.line == line
     assert (error.path is None) == (path is None)
 

@@ -85,9 +85,9 @@ def test_every_test_is_there(thesis):
 def test_every_item_shown_is_reproduced(thesis):
     from schuler.reproduce.run import items_of
 
-    known = {name for item in items_of(thesis) for name in (item.id, *item.also)}
+    names = {name for item in items_of(thesis) for name in (item.id, *item.also)}
     for row in rows_of(thesis):
-        assert set(row.get("shows", ())) <= known, row["id"]
+        assert set(row.get("shows", ())) <= names, row["id"]
 
 
 def known_commands() -> set[tuple[str, ...]]:
@@ -101,12 +101,12 @@ def resolve(name: str) -> object:
     parts = name.split(".")
     for k in range(len(parts), 0, -1):
         try:
-            found: object = importlib.import_module(".".join(parts[:k]))
+            thing: object = importlib.import_module(".".join(parts[:k]))
         except ModuleNotFoundError:
             continue
         for part in parts[k:]:
-            found = getattr(found, part)
-        return found
+            thing = getattr(thing, part)
+        return thing
     raise AssertionError(f"nothing is called {name}")
 
 

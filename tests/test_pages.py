@@ -63,17 +63,17 @@ def run_command(line: str) -> str:
     return err.getvalue() if refused else out.getvalue()
 
 
-def compare(said: str, printed: str) -> None:
+def compare(message: str, printed: str) -> None:
     """Every line of the page in the output, in order; without ``...`` between them, right below each other."""
     lines, at, free = [line.rstrip() for line in printed.splitlines()], 0, False
-    for want in said.splitlines():
+    for want in message.splitlines():
         if want.strip() == "...":
             free = True
             continue
         ahead = range(at, len(lines)) if free else range(at, min(at + 1, len(lines)))
-        found = next((k for k in ahead if same(want.rstrip(), lines[k])), None)
-        assert found is not None, f"the page says\n  {want}\nthe program prints\n{printed}"
-        at, free = found + 1, False
+        row = next((k for k in ahead if same(want.rstrip(), lines[k])), None)
+        assert row is not None, f"the page says\n  {want}\nthe program prints\n{printed}"
+        at, free = row + 1, False
     assert free or at == len(lines), f"the program prints more than the page says:\n{printed}"
 
 
@@ -93,6 +93,6 @@ def last_digit(text: str) -> float:
 
 def test_comparison_sees_a_wrong_digit():
     compare("RMS 1.009 m\n...\nend", "RMS 1.010 m\nmore\nend\n")
-    for said, printed in (("RMS 1.009 m", "RMS 1.012 m\n"), ("a\nc", "a\nb\nc\n"), ("a", "a\nb\n"), ("a\nb", "a\n")):
+    for message, printed in (("RMS 1.009 m", "RMS 1.012 m\n"), ("a\nc", "a\nb\nc\n"), ("a", "a\nb\n"), ("a\nb", "a\n")):
         with pytest.raises(AssertionError):
-            compare(said, printed)
+            compare(message, printed)

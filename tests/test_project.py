@@ -107,7 +107,7 @@ def test_the_bottom_layers_import_nothing_heavy():
 @functools.cache
 def imports_when_loaded(tree: ast.Module) -> list[tuple[str, int]]:
     """Dotted names a module imports while it is being imported: anywhere but in functions and ``if TYPE_CHECKING``."""
-    found: list[tuple[str, int]] = []
+    problems: list[tuple[str, int]] = []
 
     def visit(node: ast.AST) -> None:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
@@ -117,14 +117,14 @@ def imports_when_loaded(tree: ast.Module) -> list[tuple[str, int]]:
                 visit(child)
             return
         if isinstance(node, ast.Import):
-            found.extend((alias.name, node.lineno) for alias in node.names)
+            problems.extend((alias.name, node.lineno) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            found.extend((f"{node.module or ''}.{alias.name}", node.lineno) for alias in node.names)
+            problems.extend((f"{node.module or ''}.{alias.name}", node.lineno) for alias in node.names)
         for child in ast.iter_child_nodes(node):
             visit(child)
 
     visit(tree)
-    return found
+    return problems
 
 
 def names_a_kernel_module(name: str) -> bool:
@@ -336,7 +336,7 @@ def bare_suppressions(text: str) -> list[str]:
     """Comments that switch off a checker without saying which of its findings."""
     if not re.search(r"type:\s*ignore|noqa|mypy:", text, re.IGNORECASE):
         return []
-    found = []
+    problems = []
     for token in tokens(text):
         if token.type != tokenize.COMMENT:
             continue
@@ -347,8 +347,8 @@ def bare_suppressions(text: str) -> list[str]:
         bad = bad or any(not re.match(r":\s*[A-Z]+\d+", rest) for rest in noqas)
         bad = bad or bool(re.search(r"#\s*(?:ruff|flake8):\s*noqa\s*$|#\s*mypy:\s*ignore-errors", comment))
         if bad:
-            found.append(f"line {token.start[0]}: {comment}")
-    return found
+            problems.append(f"line {token.start[0]}: {comment}")
+    return problems
 
 
 def test_every_suppression_names_what_it_suppresses():

@@ -65,20 +65,20 @@ def links_of(path: Path) -> _Links:
 
 def broken(page: Path) -> list[str]:
     """Links of a page within the site that lead nowhere, and what it would load from elsewhere."""
-    found = []
+    problems = []
     here = links_of(page)
     for link in [*here.links, *here.loaded]:
         parts = urlsplit(link)
         if parts.scheme or parts.netloc:
             if link in here.loaded and parts.scheme != "data":
-                found.append(f"loads {link}")
+                problems.append(f"loads {link}")
             continue
         target = page if not parts.path else (page.parent / unquote(parts.path)).resolve()
         if not target.is_file():
-            found.append(f"no file: {link}")
+            problems.append(f"no file: {link}")
         elif parts.fragment and target.suffix == ".html" and unquote(parts.fragment) not in links_of(target).ids:
-            found.append(f"no such place: {link}")
-    return found
+            problems.append(f"no such place: {link}")
+    return problems
 
 
 def test_every_link_leads_somewhere(site):
@@ -248,8 +248,10 @@ def test_search_works_from_the_file_system(site):
         box = "document.querySelector('.sidebar-search')"
         chromium.run(page, f"{box}.value = 'gyrocompass', {box}.form.submit()")
         chromium.wait_for(page, "document.querySelector('#search-results li a')")
-        found = chromium.run(page, "Array.from(document.querySelectorAll('#search-results li')).map(x => x.innerText)")
-        assert any("gyrocompass" in text.lower() for text in found)
+        problems = chromium.run(
+            page, "Array.from(document.querySelectorAll('#search-results li')).map(x => x.innerText)"
+        )
+        assert any("gyrocompass" in text.lower() for text in problems)
         assert chromium.errors(page) == ()
         assert chromium.requests(page) == ()
 

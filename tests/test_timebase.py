@@ -232,8 +232,8 @@ def test_the_clock_of_a_log_is_described_as_such():
 
 def test_a_gps_time_base_is_described_by_calendar_and_week():
     epoch = timebase.gps_from_calendar(dt.datetime(2025, 7, 8, 19, 34, 18, 499_000))
-    said = "seconds since 2025-07-08T19:34:18.499 GPS (week 2374, 243258.499 s)"
-    assert TimeBase("gps", epoch).describe() == said
+    message = "seconds since 2025-07-08T19:34:18.499 GPS (week 2374, 243258.499 s)"
+    assert TimeBase("gps", epoch).describe() == message
 
 
 @pytest.mark.parametrize("fraction", [0.0, 0.499, 0.0006, 0.9994, 0.9996, 0.99999])
@@ -291,12 +291,12 @@ def test_times_increase_and_the_first_that_does_not_is_named():
     """Intervals down to a picosecond; a repeated time is not an increase. Samples of a fast log are not one time."""
     np.testing.assert_array_equal(timebase.check_times([0.0, 1e-9, 0.5], "t"), [0.0, 1e-9, 0.5])
     assert timebase.SAME_TIME < 1e-4
-    for t, said in (
+    for t, message in (
         ([0.0, 1.0, 0.5, 2.0, 1.9], "sample 2 goes back: 0.500000 s after 1.000000 s"),
         ([0.0, 1.0, 1.0, 0.0], "sample 2 repeats: 1.000000 s after 1.000000 s"),
         ([0.0, 1e-320, 1.0], "sample 1 repeats: 0.000000 s after 0.000000 s"),
     ):
-        with pytest.raises(InputError, match=f"t: expected increasing times, but {said}"):
+        with pytest.raises(InputError, match=f"t: expected increasing times, but {message}"):
             timebase.check_times(t, "t")
     with pytest.raises(InputError, match="expected at least one sample, got none"):
         timebase.check_times([], "t")

@@ -9,12 +9,13 @@ import pytest
 import schuler
 
 PACKAGE = Path(schuler.__file__).resolve().parent
+ROOT = Path(__file__).resolve().parents[1]
 
 #: Names that say nothing of the field, and parts of names that do so in any company.
 RETIRED = {"found", "known", "said", "told", "heard", "moved_to", "Standing", "Ahead"}
 RETIRED_PARTS = re.compile(r"soften|softness|foresee|foresight|(?<![a-z])digests?(?![a-z])")
 #: Hash sums, and fields of results that users read.
-KEPT = {"hexdigest", "digest", "sources_digest", "compare_digest"}
+KEPT = {"hexdigest", "digest", "digests", "sources_digest", "compare_digest"}
 #: Entries of files that users write, by the file whose sections have them.
 ENTRIES = {"observability/scenario.py": {"known"}}
 
@@ -67,6 +68,17 @@ def test_names_are_of_the_field_and_docstrings_begin_with_the_thing():
                 f"{name}, {problem}"
                 for problem in retired_names(tree, ENTRIES.get(name.as_posix(), set())) + inverted_docstrings(tree)
             ]
+    assert not offenders, "\n".join(["see docs/project/words.md", *offenders])
+
+
+def test_names_of_tests_benchmarks_and_pages_are_of_the_field():
+    entries = {"tests/observability/test_study.py": {"known"}}
+    offenders = []
+    for path in sorted(p for room in ("tests", "benchmarks", "docs", "examples") for p in (ROOT / room).rglob("*.py")):
+        name = path.relative_to(ROOT).as_posix()
+        if path.name != Path(__file__).name:
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            offenders += [f"{name}, {problem}" for problem in retired_names(tree, entries.get(name, set()))]
     assert not offenders, "\n".join(["see docs/project/words.md", *offenders])
 
 

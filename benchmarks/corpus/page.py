@@ -72,17 +72,17 @@ def summary(rows: Rows) -> list[str]:
     for which in ("choosing", "reporting"):
         some = [r for r in asked if half.get(r["name"]) == which]
         ran = [r for r in some if r.get("error") is not None]
-        told = [r["nees"] for r in ran if r.get("nees") is not None]
+        judged = [r["nees"] for r in ran if r.get("nees") is not None]
         if not some:
             continue
-        good = sum(0.3 <= value <= 3.0 for value in told)
+        good = sum(0.3 <= value <= 3.0 for value in judged)
         stated = sum(0.3 <= r.get("nees_stated", r["nees"]) <= 3.0 for r in ran if r.get("nees") is not None)
         wild = [r["name"] for r in ran if (r.get("nees") or 0.0) > 10.0 and r["verdict"] not in ("doubtful", "failed")]
         harsh = [r["name"] for r in ran if r["verdict"] == "failed" and consistent(r) == "in"]
         ratios = sorted(r["ratio"] for r in ran if r.get("ratio") is not None)
         lines.append(
             f"{which} half of navigation: {len(ran)} of {len(some)} ran, "
-            f"NEES 0.3 to 3 in {good} of {len(told)} ({stated} with the sigmas that the fixes held back state); "
+            f"NEES 0.3 to 3 in {good} of {len(judged)} ({stated} with the sigmas that the fixes held back state); "
             f"above 10 and not called doubtful or failed: {', '.join(wild) or 'none'}; called failed inside the band: "
             f"{', '.join(harsh) or 'none'}"
             + (f"; ratio to python-ins {ratios[len(ratios) // 2]:.2f} (median of {len(ratios)})" if ratios else "")

@@ -37,13 +37,13 @@ def public(module: str) -> bool:
 def packages() -> tuple[str, ...]:
     """The package and those within it, by name."""
     walked = pkgutil.walk_packages(import_module(ROOT).__path__, ROOT + ".")
-    return ROOT, *(found.name for found in walked if found.ispkg and public(found.name))
+    return ROOT, *(outcome.name for outcome in walked if outcome.ispkg and public(outcome.name))
 
 
 def modules(package: str) -> list[str]:
     """Public modules directly in a package."""
-    found = pkgutil.iter_modules(import_module(package).__path__, package + ".")
-    return [one.name for one in found if not one.ispkg and public(one.name)]
+    outcome = pkgutil.iter_modules(import_module(package).__path__, package + ".")
+    return [one.name for one in outcome if not one.ispkg and public(one.name)]
 
 
 def defined_in(value: Any) -> tuple[str, str]:
@@ -64,8 +64,8 @@ def imported_from(module: ModuleType, name: str) -> str:
 
 def constants(module: str) -> dict[str, list[str]]:
     """Names of a module that a ``#:`` comment describes, with the comment's lines."""
-    found = ModuleAnalyzer.for_module(module).find_attr_docs()
-    return {name: lines for (owner, name), lines in found.items() if not owner and not name.startswith("_")}
+    outcome = ModuleAnalyzer.for_module(module).find_attr_docs()
+    return {name: lines for (owner, name), lines in outcome.items() if not owner and not name.startswith("_")}
 
 
 @cache
@@ -171,13 +171,13 @@ def plain_defaults(
 @cache
 def classes() -> dict[str, str]:
     """Full name of every class of ours whose last part is its alone."""
-    found: dict[str, set[str]] = {}
+    outcome: dict[str, set[str]] = {}
     for package in packages():
         for module in [package, *modules(package)]:
             for name, value in members(import_module(module)):
                 if inspect.isclass(value):
-                    found.setdefault(name, set()).add(short_names().get((module, name), f"{module}.{name}"))
-    return {name: full.pop() for name, full in found.items() if len(full) == 1}
+                    outcome.setdefault(name, set()).add(short_names().get((module, name), f"{module}.{name}"))
+    return {name: full.pop() for name, full in outcome.items() if len(full) == 1}
 
 
 def bare_class(app: Sphinx, env: BuildEnvironment, node: addnodes.pending_xref, text: nodes.Element) -> Any:

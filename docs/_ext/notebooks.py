@@ -64,12 +64,12 @@ def executed(path: Path) -> dict[str, Any]:
     return dict(notebook)
 
 
-def smaller(found: re.Match[str]) -> str:
+def smaller(match: re.Match[str]) -> str:
     """A PNG as base64 with a palette, a third as long."""
     from PIL import Image
 
     stream = io.BytesIO()
-    picture = Image.open(io.BytesIO(base64.b64decode(found[0]))).convert("RGB")
+    picture = Image.open(io.BytesIO(base64.b64decode(match[0]))).convert("RGB")
     picture.quantize(COLOURS).save(stream, "PNG", optimize=True)
     return base64.b64encode(stream.getvalue()).decode("ascii")
 

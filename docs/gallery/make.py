@@ -25,14 +25,14 @@ MOST = 60_000  # size of a picture [bytes]
 
 def programs(text: str) -> list[tuple[str, str]]:
     """Name of the picture ("" for none) and program, in the order of the page."""
-    found, picture = [], ""
+    pictures, picture = [], ""
     for name, program in re.findall(r"!\[[^]]*\]\(gallery/([\w-]+)\.png\)|```python\n(.*?)```", text, re.S):
         if name:
             picture = name
         else:
-            found.append((picture, program))
+            pictures.append((picture, program))
             picture = ""
-    return found
+    return pictures
 
 
 def picture(figure: Any) -> bytes:

@@ -294,8 +294,8 @@ def test_noise_can_be_stated():
         np.testing.assert_allclose(curve.high[late], stated[0].high[late], rtol=0.02)
     assert stated[1].edf[0] == pytest.approx(2.0 / 3.0 * 3000, rel=1e-3)
     assert np.all(stated[0].alpha == 0.0)
-    found = allan_deviation(x, 1.0, noise="lag1")
-    assert np.all(found.alpha == 0.0)
+    deviations = allan_deviation(x, 1.0, noise="lag1")
+    assert np.all(deviations.alpha == 0.0)
     drift = allan_deviation(x, 1.0, noise=Ramp(1.0))
     np.testing.assert_allclose(drift.edf, 1.0, rtol=1e-6)  # the differences of a ramp are all the same
 

@@ -25,27 +25,27 @@ def log_of(process: Counted, n: int, seed: int) -> np.ndarray:
 def test_the_lattice_is_found(quantum, mean, read_rate_hz):
     """Quantum and read rate to rounding; jitter makes the counter turn to and fro."""
     process = Counted(White(quantum * 0.02), ShotNoise(0.08 * quantum, 20.0, 0.03), quantum, mean, read_rate_hz)
-    found = pulse_lattice(log_of(process, 40_000, 1), RATE)
-    assert found is not None
-    assert found.quantum == pytest.approx(quantum, rel=1e-6)
-    assert found.read_rate_hz == pytest.approx(read_rate_hz, rel=1e-9)
+    grid = pulse_lattice(log_of(process, 40_000, 1), RATE)
+    assert grid is not None
+    assert grid.quantum == pytest.approx(quantum, rel=1e-6)
+    assert grid.read_rate_hz == pytest.approx(read_rate_hz, rel=1e-9)
 
 
 def test_slips_of_the_counter_do_not_hide_the_lattice():
     process = Counted(White(1e-4), ShotNoise(4e-4, 20.0, 0.03), 5e-3, 9.823, 125.0)
     x = log_of(process, 40_000, 2)
     x[[1000, 9001, 30_003]] += 5e-3 / 4.0 * RATE
-    found = pulse_lattice(x, RATE)
-    assert found is not None
-    assert (found.quantum, found.read_rate_hz) == pytest.approx((5e-3, 125.0))
+    grid = pulse_lattice(x, RATE)
+    assert grid is not None
+    assert (grid.quantum, grid.read_rate_hz) == pytest.approx((5e-3, 125.0))
 
 
 def test_noise_shows_no_lattice_beyond_its_resolution():
     x = np.random.default_rng(3).standard_normal(40_000)
     assert pulse_lattice(x, RATE) is None
-    found = pulse_lattice(quantise(x, 0.5), RATE)
-    assert found is not None
-    assert (found.quantum, found.read_rate_hz) == pytest.approx((0.5 / RATE, RATE))
+    grid = pulse_lattice(quantise(x, 0.5), RATE)
+    assert grid is not None
+    assert (grid.quantum, grid.read_rate_hz) == pytest.approx((0.5 / RATE, RATE))
 
 
 @pytest.mark.thinned(3)
@@ -61,14 +61,14 @@ def test_noise_behind_the_counter_comes_back(quantum, mean, read_rate_hz, N, jit
     lattice = pulse_lattice(x, RATE)
     curve = allan_deviation(x, RATE, taus="log", noise=0.0)
     assert lattice is not None
-    found = counted_model(curve, lattice, float(x.mean()), 1.0 / RATE, len(x))
-    assert found is not None
-    sigma = np.sqrt(sum(float(t.autocovariance(0.0)) for t in found.jitter.terms))
+    grid = counted_model(curve, lattice, float(x.mean()), 1.0 / RATE, len(x))
+    assert grid is not None
+    sigma = np.sqrt(sum(float(t.autocovariance(0.0)) for t in grid.jitter.terms))
     assert sigma == pytest.approx(jitter * quantum, rel=0.15)
-    white = [t.N for t in found.inner.terms if isinstance(t, White)]
+    white = [t.N for t in grid.inner.terms if isinstance(t, White)]
     assert white == pytest.approx([N], rel=0.3)
     m = np.array([1, 2, 4, 10, 30, 100, 300, 1000])
-    ratio = np.sqrt(found.discrete_allan_variance(m, 1.0 / RATE) / truth.discrete_allan_variance(m, 1.0 / RATE))
+    ratio = np.sqrt(grid.discrete_allan_variance(m, 1.0 / RATE) / truth.discrete_allan_variance(m, 1.0 / RATE))
     np.testing.assert_allclose(ratio, 1.0, atol=0.05)
 
 
@@ -91,15 +91,15 @@ def imu_with(z: np.ndarray) -> ImuSeries:
 
 def test_the_person_is_told():
     truth = Counted(White(1.5e-4) + RandomWalk(1e-5), ShotNoise(3e-4, 20.0, 0.02), 5e-3, 10.0121, 125.0)
-    found = identify_noise(imu_with(log_of(truth, 30_000, 7)), models=("N", "N+K"))
-    axis = found.axes["accel_z"]
+    grid = identify_noise(imu_with(log_of(truth, 30_000, 7)), models=("N", "N+K"))
+    axis = grid.axes["accel_z"]
     text = next(f.text for f in axis.findings if f.code == "counted")
     assert "0.005 m/s^2*s" in text
     assert "125 Hz and interpolated to 100 Hz" in text
     assert [type(term) for term in axis.model.terms] == [Counted]
-    assert all(f.code != "counted" for name in found.axes if name != "accel_z" for f in found.axes[name].findings)
+    assert all(f.code != "counted" for name in grid.axes if name != "accel_z" for f in grid.axes[name].findings)
     assert np.isfinite(axis.curve.low).all()
-    assert np.isfinite(found.axes["accel_z"].fitted(axis.curve.tau)).all()
+    assert np.isfinite(grid.axes["accel_z"].fitted(axis.curve.tau)).all()
 
 
 @pytest.mark.campaign

@@ -52,12 +52,12 @@ def identification(gyro, accel=None, refused=None):
 
 def values(text):
     """Numbers by key, of YAML, parameter files and Python alike."""
-    found = {}
+    parts = {}
     for line in text.splitlines():
         bare = line.split("#")[0].strip()
         if match := re.match(r"(?:1\t1\t)?([A-Za-z_0-9]+)(?:\s*[:=,]\s*|\t)\[?([-+0-9.e]+)", bare):
-            found[match[1]] = float(match[2])
-    return found
+            parts[match[1]] = float(match[2])
+    return parts
 
 
 def per_second_vins(v, dt):
@@ -117,11 +117,11 @@ PER_SECOND = {
 def test_the_program_adds_the_identified_variances(name):
     """N^2 and K^2 a second. Printed digits: seven, nine decimals for parameters; KF-GINS' bias decays within 100 s."""
     text = export_text(SPEC, name, **({"corrtime_s": 1e6} if name == "kf-gins" else {}))
-    found = PER_SECOND[name](values(text), 1.0 / RATE)
+    parts = PER_SECOND[name](values(text), 1.0 / RATE)
     decimals = 1e-4 if name in ("px4", "ardupilot") else 1e-6  # 9 decimals of 3e-5
     if name == "kf-gins":
         decimals = 1e-4  # 0.75 horizon / corrtime
-    np.testing.assert_allclose(found, [N_G**2, N_A**2, K_G**2, K_A**2], rtol=decimals)
+    np.testing.assert_allclose(parts, [N_G**2, N_A**2, K_G**2, K_A**2], rtol=decimals)
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
@@ -318,10 +318,10 @@ def test_turn_on_biases_go_where_the_program_has_a_place():
 
 def test_our_own_file_has_axes_and_uncertainty(tmp_path):
     result = identification({"x": {"N": N_G, "B": 1e-5, "gm": [(2e-5, 50.0)]}})
-    found = read_spec_file(export(result, "schuler", tmp_path / "imu.toml"))
-    assert found.spec == SPEC
-    assert found.sigma == {"gyro": {"random_walk": 0.02}}
-    assert found.axes["gyro_x"] == {"random_walk": N_G, "bias_instability": 1e-5, "gauss_markov": [[2e-5, 50.0]]}
+    parts = read_spec_file(export(result, "schuler", tmp_path / "imu.toml"))
+    assert parts.spec == SPEC
+    assert parts.sigma == {"gyro": {"random_walk": 0.02}}
+    assert parts.axes["gyro_x"] == {"random_walk": N_G, "bias_instability": 1e-5, "gauss_markov": [[2e-5, 50.0]]}
     assert export_text(SPEC, "schuler")
     with pytest.raises(InputError, match="a triad has no axis left"):
         export_text(NoiseIdentification("log", {}, {}, None, {}), "schuler")

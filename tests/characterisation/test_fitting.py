@@ -104,9 +104,9 @@ def test_a_curve_of_expected_logarithms_is_fitted_exactly():
     edf = moments.degrees_of_freedom(m, n, DT, lambda f: fitting.spectrum(names, values, DT, f))
     assert edf.min() < 4.0
     low = v * np.exp(digamma(0.5 * edf) - np.log(0.5 * edf))
-    found = fit(Moments(m, low, DT, n), parse_terms("N+B+K"))
-    np.testing.assert_allclose(found.values, values, rtol=1e-4)
-    assert found.misfit < 1e-4
+    solution = fit(Moments(m, low, DT, n), parse_terms("N+B+K"))
+    np.testing.assert_allclose(solution.values, values, rtol=1e-4)
+    assert solution.misfit < 1e-4
 
 
 CASES = {
@@ -130,12 +130,12 @@ def campaign(text: str, runs: int, n: int, weights: str = "full") -> tuple[dict[
     for _ in range(runs):
         data = measured(process, n, rng)
         try:
-            found = fit(data, parse_terms(text), weights)  # type: ignore[arg-type]
+            solution = fit(data, parse_terms(text), weights)  # type: ignore[arg-type]
         except NoFitError:
             failed += 1
             continue
-        misfit.append(found.misfit / found.freedom)
-        for name, value, sigma in zip(found.names, found.values, found.sigma, strict=True):
+        misfit.append(solution.misfit / solution.freedom)
+        for name, value, sigma in zip(solution.names, solution.values, solution.sigma, strict=True):
             z[name].append(np.log(value / true[name]) / sigma)
     return {k: np.array(v) for k, v in z.items()}, np.array(misfit), failed
 
@@ -185,10 +185,10 @@ def test_the_covariance_of_diagonal_weights_is_honest_and_larger():
 def test_two_gauss_markov_terms_come_in_order_of_their_times():
     rng = np.random.default_rng(11)
     data = measured(White(0.3) + GaussMarkov(0.3, 300.0) + GaussMarkov(0.3, 3.0), 100_000, rng)
-    found = fit(data, parse_terms("N+2GM"))
-    assert found.names == ("N", "sigma_1", "tau_1", "sigma_2", "tau_2")
-    assert found.values[2] < found.values[4]
-    np.testing.assert_array_less(np.abs(np.log(found.values / [0.3, 0.3, 3.0, 0.3, 300.0])), 3.5 * found.sigma)
+    solution = fit(data, parse_terms("N+2GM"))
+    assert solution.names == ("N", "sigma_1", "tau_1", "sigma_2", "tau_2")
+    assert solution.values[2] < solution.values[4]
+    np.testing.assert_array_less(np.abs(np.log(solution.values / [0.3, 0.3, 3.0, 0.3, 300.0])), 3.5 * solution.sigma)
 
 
 def test_terms_that_are_not_there_are_no_fit_or_not_seen():
@@ -197,11 +197,11 @@ def test_terms_that_are_not_there_are_no_fit_or_not_seen():
     refused = 0
     for _ in range(10):
         try:
-            found = fit(measured(White(1.0), 20_000, rng), parse_terms("N+B+K+GM"))
+            solution = fit(measured(White(1.0), 20_000, rng), parse_terms("N+B+K+GM"))
         except NoFitError:
             refused += 1
         else:
-            assert found.sigma.max() > 0.5
+            assert solution.sigma.max() > 0.5
     assert refused >= 5
 
 

@@ -24,9 +24,9 @@ def only(findings, code):
     """The findings of one kind, and none of another kind beside notes."""
     others = {f.code for f in findings if f.severity != "note"} - {code}
     assert not others, [f.text for f in findings]
-    found = [f for f in findings if f.code == code]
-    assert found, f"no {code}"
-    return found
+    matching = [f for f in findings if f.code == code]
+    assert matching, f"no {code}"
+    return matching
 
 
 @pytest.fixture(params=[None, 0.002], ids=["floats", "counts"])
@@ -42,76 +42,76 @@ def test_a_clean_log_has_nothing_to_warn_of(log):
 
 
 def test_a_constant_axis_is_refused():
-    (found,) = check_static_log(np.full(5000, 0.25), RATE, "gyro_y")
-    assert (found.code, found.severity) == ("stuck", "refused")
-    assert "gyro_y: every sample reads 0.25" in found.text
+    (matching,) = check_static_log(np.full(5000, 0.25), RATE, "gyro_y")
+    assert (matching.code, matching.severity) == ("stuck", "refused")
+    assert "gyro_y: every sample reads 0.25" in matching.text
 
 
 def test_a_stuck_value_is_found_with_its_place(log):
     log[50_000:50_100] = log[50_000]
-    (found,) = only(check_static_log(log, RATE), "stuck")
-    assert found.start_s == pytest.approx(500.0, abs=0.05)
-    assert found.stop_s == pytest.approx(501.0, abs=0.05)
-    assert found.severity == "warning"
+    (matching,) = only(check_static_log(log, RATE), "stuck")
+    assert matching.start_s == pytest.approx(500.0, abs=0.05)
+    assert matching.stop_s == pytest.approx(501.0, abs=0.05)
+    assert matching.severity == "warning"
 
 
 def test_an_axis_that_is_mostly_stuck_is_refused(log):
     log[30_000:] = log[30_000]
-    found = [f for f in check_static_log(log, RATE) if f.code == "stuck"]
-    assert found[0].severity == "refused"
+    matching = [f for f in check_static_log(log, RATE) if f.code == "stuck"]
+    assert matching[0].severity == "refused"
 
 
 def test_repeated_samples_are_found():
     x = np.repeat(clean(np.random.default_rng(1), n=60_000), 2)
-    (found,) = [f for f in check_static_log(x, RATE) if f.code == "repeated"]
-    assert "about 2.0 samples each" in found.text
+    (matching,) = [f for f in check_static_log(x, RATE) if f.code == "repeated"]
+    assert "about 2.0 samples each" in matching.text
 
 
 @pytest.mark.parametrize("given", [True, False])
 def test_saturation_is_found_with_and_without_the_range(log, given):
     log[70_000:70_300] += 0.2 * np.sin(np.arange(300) / 300.0 * np.pi)
     clipped = np.minimum(log, 0.1)
-    found = [f for f in check_static_log(clipped, RATE, full_scale=0.1 if given else None) if f.code == "saturated"]
-    assert len(found) == 1
-    assert 700.0 < found[0].start_s < 701.0
-    assert 702.0 < found[0].stop_s < 703.0
-    assert found[0].severity == "warning"
+    matching = [f for f in check_static_log(clipped, RATE, full_scale=0.1 if given else None) if f.code == "saturated"]
+    assert len(matching) == 1
+    assert 700.0 < matching[0].start_s < 701.0
+    assert 702.0 < matching[0].stop_s < 703.0
+    assert matching[0].severity == "warning"
 
 
 def test_a_saturated_axis_is_refused(rng):
-    found = check_static_log(np.minimum(clean(rng), 0.015), RATE, full_scale=0.015)
-    assert found[-1].code == "saturated"
-    assert found[-1].severity == "refused"
+    matching = check_static_log(np.minimum(clean(rng), 0.015), RATE, full_scale=0.015)
+    assert matching[-1].code == "saturated"
+    assert matching[-1].severity == "refused"
 
 
 def test_motion_is_found_with_its_place(log):
     rng = np.random.default_rng(3)
     log[30_000:30_500] += 0.02 * rng.standard_normal(500)
-    (found,) = only(check_static_log(log, RATE), "motion")
-    assert found.start_s == pytest.approx(300.0, abs=1.5)
-    assert found.stop_s == pytest.approx(305.0, abs=1.5)
+    (matching,) = only(check_static_log(log, RATE), "motion")
+    assert matching.start_s == pytest.approx(300.0, abs=1.5)
+    assert matching.stop_s == pytest.approx(305.0, abs=1.5)
 
 
 def test_slow_shaking_is_motion_too(log):
     log[30_000:30_600] += 0.02 * np.sin(2.0 * np.pi * 2.0 * np.arange(600) / RATE)
-    (found,) = [f for f in check_static_log(log, RATE) if f.code == "motion"]
-    assert found.start_s == pytest.approx(300.0, abs=1.5)
+    (matching,) = [f for f in check_static_log(log, RATE) if f.code == "motion"]
+    assert matching.start_s == pytest.approx(300.0, abs=1.5)
 
 
 def test_outliers_are_counted_and_placed(log):
     where = np.random.default_rng(4).choice(len(log), 60, replace=False)
     log[where] += 0.3 * np.sign(np.arange(60) - 29.5)
-    (found,) = only(check_static_log(log, RATE), "outliers")
-    assert "60 outliers" in found.text
-    assert found.start_s == pytest.approx(where.min() / RATE)
-    assert found.stop_s == pytest.approx(where.max() / RATE)
+    (matching,) = only(check_static_log(log, RATE), "outliers")
+    assert "60 outliers" in matching.text
+    assert matching.start_s == pytest.approx(where.min() / RATE)
+    assert matching.stop_s == pytest.approx(where.max() / RATE)
 
 
 def test_one_outlier_is_too_little_to_warn_of(log):
     log[777] += 0.2
-    (found,) = [f for f in check_static_log(log, RATE) if f.code == "outliers"]
-    assert found.severity == "note"
-    assert "too little to matter" in found.text
+    (matching,) = [f for f in check_static_log(log, RATE) if f.code == "outliers"]
+    assert matching.severity == "note"
+    assert "too little to matter" in matching.text
 
 
 @pytest.mark.parametrize(("height", "place"), [(0.005, 0.3), (-0.005, 0.77), (0.02, 0.05), (0.006, 0.5)])
@@ -119,9 +119,9 @@ def test_a_step_is_found_with_its_place_and_size(height, place, log):
     """Half the deviation of a sample: seen by nobody in a plot, but twenty times the floor of the Allan curve."""
     at = int(place * len(log))
     log[at:] += height
-    (found,) = only(check_static_log(log, RATE), "step")
-    assert found.start_s == pytest.approx(at / RATE, abs=2.0)
-    assert float(found.text.split("shifts by ")[1].split(" ")[0]) == pytest.approx(height, abs=0.0015)
+    (matching,) = only(check_static_log(log, RATE), "step")
+    assert matching.start_s == pytest.approx(at / RATE, abs=2.0)
+    assert float(matching.text.split("shifts by ")[1].split(" ")[0]) == pytest.approx(height, abs=0.0015)
 
 
 def test_two_steps_are_two_findings(log):
@@ -155,8 +155,8 @@ def test_smooth_trends_are_no_steps(trend, log):
 
 def test_coarse_rounding_is_said():
     x = clean(np.random.default_rng(6), lsb=0.05)
-    (found,) = only(check_static_log(x, RATE), "coarse")
-    assert "the resolution 0.05 is coarse" in found.text
+    (matching,) = only(check_static_log(x, RATE), "coarse")
+    assert "the resolution 0.05 is coarse" in matching.text
     assert not [f for f in check_static_log(clean(np.random.default_rng(6), lsb=0.015), RATE) if f.code == "coarse"]
 
 
@@ -164,36 +164,36 @@ def test_missing_samples_and_gaps_have_places(log):
     log[5000:5010] = np.nan
     keep = np.ones(len(log), dtype=bool)
     keep[80_000:80_400] = False
-    found = check_static_log(log[keep], RATE, t=1000.0 + np.arange(len(log))[keep] / RATE)
-    assert {f.code for f in found if f.severity != "note"} == {"gap", "missing"}
-    gap = next(f for f in found if f.code == "gap")
+    matching = check_static_log(log[keep], RATE, t=1000.0 + np.arange(len(log))[keep] / RATE)
+    assert {f.code for f in matching if f.severity != "note"} == {"gap", "missing"}
+    gap = next(f for f in matching if f.code == "gap")
     assert gap.start_s == pytest.approx(799.99)
     assert gap.stop_s == pytest.approx(804.0)
-    missing = next(f for f in found if f.code == "missing")
+    missing = next(f for f in matching if f.code == "missing")
     assert (missing.start_s, missing.stop_s) == pytest.approx((50.0, 50.09))
 
 
 def test_many_gaps_are_summed_up():
     t = np.arange(2000) * 0.01
     t += 0.05 * (np.arange(2000) // 200)
-    found = gaps(t)
-    assert len(found) == MOST_PLACES + 1
-    assert "6 more gaps" in found[-1].text
+    matching = gaps(t)
+    assert len(matching) == MOST_PLACES + 1
+    assert "6 more gaps" in matching[-1].text
 
 
 @pytest.mark.parametrize("n", [0, 1, 50, 199])
 def test_too_few_samples_are_refused(n, rng):
-    found = check_static_log(rng.standard_normal(n), RATE)
-    assert [(f.code, f.severity) for f in found] == [("too_short", "refused")]
+    matching = check_static_log(rng.standard_normal(n), RATE)
+    assert [(f.code, f.severity) for f in matching] == [("too_short", "refused")]
     assert [f.severity for f in check_static_log(np.full(500, np.nan), RATE)][-1] == "refused"
 
 
 def test_a_short_log_says_how_long_one_must_be():
     """Floor 0.664 * 1e-5 at (1e-3 / 6.6e-6)^2 = 6 h: 20 min see white noise only."""
     x = (White(1e-3) + flicker(1e-5)).sample(120_000, 0.01, np.random.default_rng(8))
-    (found,) = check_static_log(x, RATE)
-    assert (found.code, found.severity) == ("too_short", "note")
-    assert "takes 10800 s" in found.text
+    (matching,) = check_static_log(x, RATE)
+    assert (matching.code, matching.severity) == ("too_short", "note")
+    assert "takes 10800 s" in matching.text
     # with the floor in sight there is nothing to say
     assert check_static_log(clean(np.random.default_rng(8)), RATE) == []
 
@@ -270,34 +270,36 @@ def still_imu(rng, n=60_000, f=(0.0, 0.0, -9.80)):
 
 
 def test_an_imu_at_rest_is_clean(rng):
-    found = check_static_imu(still_imu(rng))
-    assert set(found) == {"gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z", "recording"}
-    assert [f for fs in found.values() for f in fs if f.severity != "note"] == []
+    matching = check_static_imu(still_imu(rng))
+    assert set(matching) == {"gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z", "recording"}
+    assert [f for fs in matching.values() for f in fs if f.severity != "note"] == []
 
 
 def test_increments_are_judged_as_rates(rng):
     imu = still_imu(rng)
     pulses = np.round(imu.accel * 0.01 / 1e-4) * 1e-4
-    found = check_static_imu(ImuSeries(imu.t, imu.gyro * 0.01, pulses, kind="increment"))
-    assert [f for fs in found.values() for f in fs if f.severity != "note"] == []
+    matching = check_static_imu(ImuSeries(imu.t, imu.gyro * 0.01, pulses, kind="increment"))
+    assert [f for fs in matching.values() for f in fs if f.severity != "note"] == []
 
 
 def test_units_and_tilt_are_noticed(rng):
     imu = still_imu(rng)
-    (found,) = check_static_imu(ImuSeries(imu.t, imu.gyro, imu.accel / 9.8))["recording"]
-    assert found.code == "not_at_rest"
-    assert "is 1.000 m/s^2, not 9.807" in found.text
+    (matching,) = check_static_imu(ImuSeries(imu.t, imu.gyro, imu.accel / 9.8))["recording"]
+    assert matching.code == "not_at_rest"
+    assert "is 1.000 m/s^2, not 9.807" in matching.text
     tilt = 0.05 * np.arange(len(imu)) / len(imu)
     f = imu.accel + 9.8 * np.stack((np.sin(tilt), 0.0 * tilt, 1.0 - np.cos(tilt)), axis=1)
-    (found,) = check_static_imu(ImuSeries(imu.t, imu.gyro, f))["recording"]
-    assert "turned by 0.04" in found.text
+    (matching,) = check_static_imu(ImuSeries(imu.t, imu.gyro, f))["recording"]
+    assert "turned by 0.04" in matching.text
 
 
 def test_gaps_are_told_once_and_not_for_every_axis(rng):
     imu = still_imu(rng)
     keep = (imu.t < 700.0) | (imu.t > 702.0)
-    found = check_static_imu(ImuSeries(imu.t[keep], imu.gyro[keep], imu.accel[keep]))
-    assert [(name, f.code) for name, fs in found.items() for f in fs if f.severity != "note"] == [("recording", "gap")]
+    matching = check_static_imu(ImuSeries(imu.t[keep], imu.gyro[keep], imu.accel[keep]))
+    assert [(name, f.code) for name, fs in matching.items() for f in fs if f.severity != "note"] == [
+        ("recording", "gap")
+    ]
 
 
 @pytest.mark.parametrize(
@@ -324,16 +326,16 @@ def test_adis16405_at_rest(shared_data, unit):
     archive = np.load(shared_data / "adis16405_static" / f"adis16405_imu{unit}.npz")
     x = archive["counts"] * archive["lsb"]
     imu = ImuSeries(np.arange(len(x)) / 100.0, x[:, :3] * np.pi / 180.0, x[:, 3:] * 9.80665)
-    found = check_static_imu(imu)
+    matching = check_static_imu(imu)
     for axis in ("gyro_x", "gyro_y", "gyro_z", "recording"):
-        assert found[axis] == []
+        assert matching[axis] == []
     for axis in ("accel_x", "accel_y", "accel_z"):
-        assert {f.code for f in found[axis]} <= {"motion", "outliers", "step"}
-        assert not [f for f in found[axis] if f.severity == "refused"]
-        assert sum(f.code == "step" for f in found[axis]) <= 3
+        assert {f.code for f in matching[axis]} <= {"motion", "outliers", "step"}
+        assert not [f for f in matching[axis] if f.severity == "refused"]
+        assert sum(f.code == "step" for f in matching[axis]) <= 3
     if unit == 2:  # on all three axes at once: the table was touched
         assert all(
-            any(f.code == "motion" and f.start_s == pytest.approx(99.0, abs=1.0) for f in found[axis])
+            any(f.code == "motion" and f.start_s == pytest.approx(99.0, abs=1.0) for f in matching[axis])
             for axis in ("accel_x", "accel_y", "accel_z")
         )
 
@@ -345,12 +347,12 @@ def test_laser_gyros_in_a_parked_car(shared_data):
     counts = np.array([r for r in rows if len(r) == 6 and all(c.lstrip("-").isdigit() for c in r)], dtype=float)
     dtheta, dv = counts[:, :3] * 0.1 / 3600.0 * np.pi / 180.0, counts[:, 3:] * 125e-6 * 9.80665
     imu = ImuSeries(np.arange(1, len(counts) + 1) / 100.0, dtheta, dv, kind="increment")
-    found = check_static_imu(imu)
-    codes = {axis: {f.code for f in fs} for axis, fs in found.items()}
+    matching = check_static_imu(imu)
+    codes = {axis: {f.code for f in fs} for axis, fs in matching.items()}
     assert "coarse" in codes["accel_x"]
     assert "coarse" in codes["accel_z"]
     for axis in ("gyro_x", "gyro_y", "gyro_z"):
         assert "motion" in codes[axis]
-        assert any(f.code == "motion" and f.start_s < 21.0 for f in found[axis])
+        assert any(f.code == "motion" and f.start_s < 21.0 for f in matching[axis])
     assert all("stuck" not in c and "saturated" not in c and "repeated" not in c for c in codes.values())
     assert codes["recording"] == set()

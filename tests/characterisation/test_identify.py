@@ -45,11 +45,11 @@ def clean():
 
 
 def test_a_clean_log(clean):
-    _, found = clean
-    assert set(found.axes) == set(AXES)
-    assert found.refused == {}
-    assert found.findings == ()
-    for axis in found.axes.values():
+    _, identified = clean
+    assert set(identified.axes) == set(AXES)
+    assert identified.refused == {}
+    assert identified.findings == ()
+    for axis in identified.axes.values():
         assert axis.terms["N"].low < axis.terms["N"].value < axis.terms["N"].high
         assert axis.terms["N"].value == pytest.approx(1e-3, rel=0.02)  # statistical: 0.4 % for 60 000 samples
         assert [f for f in axis.findings if f.severity != "note"] == []
@@ -57,21 +57,21 @@ def test_a_clean_log(clean):
         assert np.all(axis.curve.low < axis.curve.deviation)
         assert np.all(axis.curve.deviation < axis.curve.high)
         assert axis.covariance.shape == (len(axis.names),) * 2
-    assert found.axes["gyro_x"].unit == "rad/s"
-    assert found.axes["accel_x"].terms["N"].unit == "(m/s^2)/sqrt(Hz)"
-    assert found.axes["accel_z"].mean.value == pytest.approx(-9.80665, abs=2e-3)
+    assert identified.axes["gyro_x"].unit == "rad/s"
+    assert identified.axes["accel_x"].terms["N"].unit == "(m/s^2)/sqrt(Hz)"
+    assert identified.axes["accel_z"].mean.value == pytest.approx(-9.80665, abs=2e-3)
 
 
 def test_budget_and_provenance(clean):
-    _, found = clean
-    for triad in (found.spec.gyro, found.spec.accel):
+    _, identified = clean
+    for triad in (identified.spec.gyro, identified.spec.accel):
         assert triad.random_walk == pytest.approx(1e-3, rel=0.01)  # statistical: three axes
-    assert found.spec.rate_hz == pytest.approx(RATE)
-    assert set(found.spec_sigma) == {"gyro", "accel"}
-    assert found.spec_sigma["gyro"]["random_walk"] < 0.01
-    assert found.provenance["method"] == "gmwm"
-    assert found.provenance["models"] == list(MODELS)
-    assert found.provenance["robust"] is False
+    assert identified.spec.rate_hz == pytest.approx(RATE)
+    assert set(identified.spec_sigma) == {"gyro", "accel"}
+    assert identified.spec_sigma["gyro"]["random_walk"] < 0.01
+    assert identified.provenance["method"] == "gmwm"
+    assert identified.provenance["models"] == list(MODELS)
+    assert identified.provenance["robust"] is False
     recording = Recording(imu=imu_of(noise_of(1, 2000)), metadata=Metadata(name="short", options={"axes": "FLU"}))
     of_recording = identify_noise(recording, models=("N",), robust=True)
     assert of_recording.name == "short"
@@ -113,27 +113,27 @@ def test_one_fault_an_axis_is_named_with_its_place_and_leaves_the_others_alone(c
     y[:, 2] = np.minimum(y[:, 2], np.quantile(y[:, 2], 0.9))  # one side of the range
     y[:, 3] = y[0, 3]  # all stuck
     y[:, 4] += 0.02 * np.exp(-np.arange(N) / 6000.0)  # warm-up of a minute
-    found = identify_noise(imu_of(y), models=MODELS)
-    assert set(found.refused) == {"accel_x"}
+    identified = identify_noise(imu_of(y), models=MODELS)
+    assert set(identified.refused) == {"accel_x"}
 
-    (step,) = warned(found.axes["gyro_x"], "step")
+    (step,) = warned(identified.axes["gyro_x"], "step")
     assert step.start_s <= 180.0 <= step.stop_s
     assert step.stop_s - step.start_s < 11.0  # two blocks of a hundred and twenty
-    assert "K" in found.axes["gyro_x"].terms  # what is warned of
-    (stuck,) = warned(found.axes["gyro_y"], "stuck")
+    assert "K" in identified.axes["gyro_x"].terms  # what is warned of
+    (stuck,) = warned(identified.axes["gyro_y"], "stuck")
     assert (stuck.start_s, stuck.stop_s) == pytest.approx((300.0, 479.99))
-    (saturated,) = warned(found.axes["gyro_z"], "saturated")
+    (saturated,) = warned(identified.axes["gyro_z"], "saturated")
     assert "6000 samples (10 %)" in saturated.text
     clipped = np.flatnonzero(y[:, 2] == y[:, 2].max()) / RATE
     assert (saturated.start_s, saturated.stop_s) == pytest.approx((clipped[0], clipped[-1]))
-    all_stuck = found.refused["accel_x"][0]
+    all_stuck = identified.refused["accel_x"][0]
     assert (all_stuck.code, all_stuck.severity) == ("stuck", "refused")
     assert (all_stuck.start_s, all_stuck.stop_s) == pytest.approx((0.0, 599.99))
-    (trend,) = warned(found.axes["accel_y"], "trend")
+    (trend,) = warned(identified.axes["accel_y"], "trend")
     assert trend.start_s == 0.0
     assert 100.0 < trend.stop_s < 450.0  # some time constants of 60 s
-    assert found.axes["accel_z"].terms == before.axes["accel_z"].terms
-    assert found.axes["accel_z"].findings == before.axes["accel_z"].findings
+    assert identified.axes["accel_z"].terms == before.axes["accel_z"].terms
+    assert identified.axes["accel_z"].findings == before.axes["accel_z"].findings
 
 
 def several_steps(y):
@@ -172,31 +172,31 @@ def test_faults_that_hide(clean):
     }  # fmt: skip
     for axis, (spoil, _) in faults.items():
         spoil(y[:, AXES.index(axis)])
-    found = identify_noise(imu_of(y), models=MODELS)
+    identified = identify_noise(imu_of(y), models=MODELS)
     for axis, (_, code) in faults.items():
-        told = found.axes[axis].findings if axis in found.axes else found.refused[axis]
-        assert [f for f in told if f.code == code and f.severity != "note"], (axis, [f.code for f in told])
-    early = warned(found.axes["gyro_y"], "step")
+        notices = identified.axes[axis].findings if axis in identified.axes else identified.refused[axis]
+        assert [f for f in notices if f.code == code and f.severity != "note"], (axis, [f.code for f in notices])
+    early = warned(identified.axes["gyro_y"], "step")
     assert early[0].start_s == pytest.approx(10.0, abs=1.1)
-    shaking = warned(found.axes["accel_y"], "motion")
+    shaking = warned(identified.axes["accel_y"], "motion")
     assert (shaking[0].start_s, shaking[0].stop_s) == pytest.approx((300.0, 330.0), abs=1.1)
 
 
 @pytest.mark.parametrize(("n", "needed"), [(100, "at least 200"), (900, "1000 are needed")])
 def test_too_short_logs_are_refused(n, needed):
-    found = identify_noise(imu_of(noise_of(3, n)))
-    assert found.axes == {}
-    assert found.spec is None
-    for reasons in found.refused.values():
+    identified = identify_noise(imu_of(noise_of(3, n)))
+    assert identified.axes == {}
+    assert identified.spec is None
+    for reasons in identified.refused.values():
         assert (reasons[0].code, reasons[0].severity) == ("too_short", "refused")
         assert needed in reasons[0].text
 
 
 def test_a_short_log_says_what_it_cannot_see():
-    found = identify_noise(imu_of(noise_of(3, 6000)), models=MODELS)
-    (note,) = [f for f in found.axes["gyro_x"].findings if f.code == "too_short"]
+    identified = identify_noise(imu_of(noise_of(3, 6000)), models=MODELS)
+    (note,) = [f for f in identified.axes["gyro_x"].findings if f.code == "too_short"]
     assert "60 s are too short to see a bias instability" in note.text
-    assert "B" not in found.axes["gyro_x"].terms
+    assert "B" not in identified.axes["gyro_x"].terms
 
 
 def test_a_large_gap_is_told_and_widens_the_intervals(clean):
@@ -205,14 +205,14 @@ def test_a_large_gap_is_told_and_widens_the_intervals(clean):
     y[50_000:, 0] += 0.02
     keep = np.ones(N, dtype=bool)
     keep[10_000:28_000] = False
-    found = identify_noise(gyroscopes_of(y[keep], np.arange(N)[keep] / RATE), models=MODELS)
-    (gap,) = found.findings
+    identified = identify_noise(gyroscopes_of(y[keep], np.arange(N)[keep] / RATE), models=MODELS)
+    (gap,) = identified.findings
     assert (gap.code, gap.severity) == ("gap", "warning")
     assert (gap.start_s, gap.stop_s) == pytest.approx((99.99, 280.0))
     # the place of a step behind the gap counts from the start of the recording
-    assert warned(found.axes["gyro_x"], "step")[0].start_s == pytest.approx(500.0, abs=2.0)
+    assert warned(identified.axes["gyro_x"], "step")[0].start_s == pytest.approx(500.0, abs=2.0)
     for name in AXES[1:3]:
-        axis = found.axes[name]
+        axis = identified.axes[name]
         assert axis.curve.missing == 18_000
         assert axis.terms["N"].value == pytest.approx(1e-3, rel=0.02)  # statistical
         fewer = axis.curve.edf[0] / before.axes[name].curve.edf[0]
@@ -225,10 +225,10 @@ def test_many_gaps_and_jitter_leave_the_noise_alone(clean):
     rng = np.random.default_rng(4)
     t = np.arange(N) / RATE + rng.uniform(-1e-3, 1e-3, N)
     keep = rng.random(N) > 0.05
-    found = identify_noise(gyroscopes_of(x[keep], t[keep]), models=MODELS)
-    assert found.findings[0].code == "gap"
-    assert "more gaps" in found.findings[-1].text
-    for axis in found.axes.values():
+    identified = identify_noise(gyroscopes_of(x[keep], t[keep]), models=MODELS)
+    assert identified.findings[0].code == "gap"
+    assert "more gaps" in identified.findings[-1].text
+    for axis in identified.axes.values():
         assert axis.terms["N"].value == pytest.approx(1e-3, rel=0.02)  # statistical
 
 
@@ -237,8 +237,8 @@ def test_next_to_nothing_is_left_or_stamps_make_no_grid(clean):
     keep = np.ones(N, dtype=bool)
     keep[700:59_000] = False  # 7 and 10 s at either end
     t = np.arange(N) / RATE
-    found = identify_noise(imu_of(x[keep], t[keep]), models=("N",))
-    for axis in found.axes.values():
+    identified = identify_noise(imu_of(x[keep], t[keep]), models=("N",))
+    for axis in identified.axes.values():
         assert axis.terms["N"].value == pytest.approx(1e-3, rel=0.1)  # statistical: 2 %
         assert axis.terms["N"].sigma > 1e-5  # as for 1700 samples, not 60 000
     wild = t + np.random.default_rng(5).uniform(-4e-3, 4e-3, N)
@@ -255,10 +255,10 @@ def test_an_axis_that_follows_the_temperature(clean):
     T = 25.0 + 5.0 * np.sin(2.0 * np.pi * np.arange(N) / N * 2.0)
     y = x.copy()
     y[:, 1] += 1e-3 * (T - 25.0)
-    found = identify_noise(imu_of(y, temperature=T), models=MODELS)
-    (told,) = [f for f in found.axes["gyro_y"].findings if f.code == "temperature"]
-    assert told.severity == "warning"
-    assert not [f for f in found.axes["gyro_x"].findings if f.code == "temperature"]
+    identified = identify_noise(imu_of(y, temperature=T), models=MODELS)
+    (notices,) = [f for f in identified.axes["gyro_y"].findings if f.code == "temperature"]
+    assert notices.severity == "warning"
+    assert not [f for f in identified.axes["gyro_x"].findings if f.code == "temperature"]
 
 
 @pytest.mark.campaign
@@ -283,11 +283,11 @@ def test_lengths_may_differ_and_rates_may_not(clean):
     x, before = clean
     stuck = x[40_000:].copy()
     stuck[5000:5100, 0] = stuck[5000, 0]
-    found = identify_noise([imu_of(x[:40_000]), imu_of(stuck)], models=MODELS)
-    assert found.axes["gyro_y"].terms["N"].value == pytest.approx(before.axes["gyro_y"].terms["N"].value, rel=2e-3)
-    (told,) = warned(found.axes["gyro_x"], "stuck")
-    assert told.text.endswith("(recording 2)")
-    assert told.start_s == pytest.approx(50.0)
+    identified = identify_noise([imu_of(x[:40_000]), imu_of(stuck)], models=MODELS)
+    assert identified.axes["gyro_y"].terms["N"].value == pytest.approx(before.axes["gyro_y"].terms["N"].value, rel=2e-3)
+    (notices,) = warned(identified.axes["gyro_x"], "stuck")
+    assert notices.text.endswith("(recording 2)")
+    assert notices.start_s == pytest.approx(50.0)
     imu = imu_of(x)
     with pytest.raises(InputError, match="recordings: expected one sampling rate, got 100, 50 Hz"):
         identify_noise([imu, replace(imu, t=2.0 * imu.t)])
@@ -297,18 +297,18 @@ def test_increments_give_the_result_of_rates(clean):
     x, before = clean
     rates = imu_of(x)
     still = np.zeros_like(rates.accel)  # accelerometers that are not there: three axes say as much as six
-    found = identify_noise(ImuSeries(rates.t + 0.01, rates.gyro * 0.01, still, kind="increment"), models=MODELS)
+    identified = identify_noise(ImuSeries(rates.t + 0.01, rates.gyro * 0.01, still, kind="increment"), models=MODELS)
     for axis in AXES[:3]:
-        assert found.axes[axis].names == before.axes[axis].names
-        for term, estimate in found.axes[axis].terms.items():
+        assert identified.axes[axis].names == before.axes[axis].names
+        for term, estimate in identified.axes[axis].terms.items():
             assert estimate.value == pytest.approx(before.axes[axis].terms[term].value, rel=1e-6)  # rounding of stamps
 
 
 def test_a_temperature_that_rises_is_a_warm_up_whatever_the_axes_show(clean):
     x, _ = clean
     T = 43.7 - 7.9 * np.exp(-np.arange(N) / RATE / 60.0)
-    found = identify_noise(gyroscopes_of(x, temperature=T), models=("N",))
-    (finding,) = [f for f in found.findings if f.code == "warm_up"]
+    identified = identify_noise(gyroscopes_of(x, temperature=T), models=("N",))
+    (finding,) = [f for f in identified.findings if f.code == "warm_up"]
     assert "goes from 3" in finding.text
     assert "to 43.7 degC" in finding.text
     assert 100.0 < finding.stop_s < 200.0  # a tenth of 7.9 K is left after 138 s
@@ -318,8 +318,8 @@ def test_a_temperature_that_rises_is_a_warm_up_whatever_the_axes_show(clean):
 
 def test_gyroscopes_alone_are_identified_without_a_word_on_accelerometers(clean):
     x, before = clean
-    found = identify_noise(ImuSeries(np.arange(N) / RATE, x[:, :3], np.zeros((N, 3))), models=MODELS)
-    assert list(found.axes) == list(AXES[:3])
-    assert found.refused == {}
-    assert found.findings == ()
-    assert found.axes["gyro_z"].terms == before.axes["gyro_z"].terms
+    identified = identify_noise(ImuSeries(np.arange(N) / RATE, x[:, :3], np.zeros((N, 3))), models=MODELS)
+    assert list(identified.axes) == list(AXES[:3])
+    assert identified.refused == {}
+    assert identified.findings == ()
+    assert identified.axes["gyro_z"].terms == before.axes["gyro_z"].terms

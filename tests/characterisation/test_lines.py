@@ -26,14 +26,14 @@ def sine(n, frequency, amplitude, phase=0.3):
 def test_a_sine_in_white_noise_is_found(frequency):
     n, amplitude, sigma = 100_000, 2e-3, 1e-2
     noise = [np.random.default_rng(k).standard_normal(n) * sigma for k in range(8)]
-    found = [lines_in(x + sine(n, frequency, amplitude), RATE) for x in noise]
-    assert all(len(lines) == 1 for lines in found)
+    peaks = [lines_in(x + sine(n, frequency, amplitude), RATE) for x in noise]
+    assert all(len(lines) == 1 for lines in peaks)
     resolution = RATE / 4096  # of a segment
-    assert all(abs(lines[0].frequency - frequency) < 0.5 * resolution for lines in found)
+    assert all(abs(lines[0].frequency - frequency) < 0.5 * resolution for lines in peaks)
     # statistical: amplitude of a sine in white noise sigma sqrt(2 / n) from the whole log; a spectrum of segments does
     # no better than three times that, since the bins around the line bring their own noise
-    assert np.mean([lines[0].amplitude for lines in found]) == pytest.approx(amplitude, rel=0.03)
-    assert np.std([lines[0].amplitude for lines in found]) < 3.0 * sigma * np.sqrt(2.0 / n)
+    assert np.mean([lines[0].amplitude for lines in peaks]) == pytest.approx(amplitude, rel=0.03)
+    assert np.std([lines[0].amplitude for lines in peaks]) < 3.0 * sigma * np.sqrt(2.0 / n)
 
 
 def test_the_strongest_comes_first_and_missing_samples_do_not_matter():
@@ -72,15 +72,15 @@ def test_a_strong_line_does_not_spoil_the_noise():
     n, rng = 120_000, np.random.default_rng(4)
     x = (White(1e-3) + RandomWalk(1e-4)).sample((n, 6), 1.0 / RATE, rng)
     x[:, 1] += sine(n, 11.3, 1e-2)
-    found = identify_noise(
+    peaks = identify_noise(
         ImuSeries(np.arange(n) / RATE, x[:, :3], x[:, 3:] + [0.0, 0.0, -9.80665]), models=("N", "N+K", "N+GM")
     )
-    axis = found.axes["gyro_y"]
+    axis = peaks.axes["gyro_y"]
     assert axis.terms["N"].low < 1e-3 < axis.terms["N"].high
     assert axis.terms["N"].value == pytest.approx(1e-3, rel=0.02)  # statistical, and what is left of the line
-    (told,) = [f for f in axis.findings if f.code == "lines"]
-    assert "11.3 Hz" in told.text
-    assert not [f for name in ("gyro_x", "gyro_z") for f in found.axes[name].findings if f.code == "lines"]
+    (notices,) = [f for f in axis.findings if f.code == "lines"]
+    assert "11.3 Hz" in notices.text
+    assert not [f for name in ("gyro_x", "gyro_z") for f in peaks.axes[name].findings if f.code == "lines"]
     # the model has the line as a sine: the shortest averaging times of curve and model agree
     tau = axis.curve.tau[:12]
     np.testing.assert_allclose(axis.fitted(tau), axis.curve.deviation[:12], rtol=0.05)

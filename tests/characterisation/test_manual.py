@@ -24,9 +24,9 @@ RECORD = 3 * 3600.0
 )
 def test_the_minima_of_the_thesis_sensors(N, sigma_b, tau, at, digits):
     """Digest 6.1; printed digits. The closed form sqrt(3) N / K holds to the order of its time over tau."""
-    found, _ = allan_valley(N, sigma_b, tau)
-    assert found == pytest.approx(at, abs=digits)
-    assert found == pytest.approx(np.sqrt(3.0) * N / (sigma_b * np.sqrt(2.0 / tau)), rel=2.0 * found / tau)
+    valley, _ = allan_valley(N, sigma_b, tau)
+    assert valley == pytest.approx(at, abs=digits)
+    assert valley == pytest.approx(np.sqrt(3.0) * N / (sigma_b * np.sqrt(2.0 / tau)), rel=2.0 * valley / tau)
 
 
 def test_the_depth_of_the_minima():
@@ -39,7 +39,7 @@ def test_a_curve_without_a_minimum():
         allan_valley(100.0, 1.0, 1.0)
 
 
-def test_the_formulas_of_the_digest():
+def test_the_formulas_of_the_thesis():
     """4.3: standard error of the mean 0.0237 deg/s = 85 deg/h, for 3 h of the AQRS; printed digits."""
     r = finite_record(RECORD, 1171.0)
     assert 0.054 * r.mean_sigma == pytest.approx(0.0237, abs=5e-5)
@@ -79,10 +79,10 @@ def test_percentiles_hold_for_simulated_records(z, runs):
     R = np.fft.irfft(spectrum, axis=0)[:n]
     tau = np.argmax(R / R[0] <= np.exp(-1.0), axis=0) * z / n
     expected = finite_record(z, 1.0)
-    for found, points in ((tau, expected.tau_ratio), (x.std(axis=0), expected.sigma_ratio)):
+    for valley, points in ((tau, expected.tau_ratio), (x.std(axis=0), expected.sigma_ratio)):
         for share, point in zip((0.05, 0.5, 0.95), points, strict=True):
             se = np.sqrt(share * (1 - share) * (1 / runs + 1 / 6000))
-            assert np.mean(found < point) == pytest.approx(share, abs=3.5 * se + 0.01), (share, point)
+            assert np.mean(valley < point) == pytest.approx(share, abs=3.5 * se + 0.01), (share, point)
 
 
 @pytest.fixture(scope="module")

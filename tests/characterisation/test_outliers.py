@@ -158,10 +158,10 @@ def test_identification_with_outliers_finds_the_noise_of_the_clean_log():
         assert repaired.axes[axis].terms["N"].value == pytest.approx(N_clean, rel=0.05), axis  # as asked for
         assert spoiled.axes[axis].terms["N"].value > 1.3 * N_clean, axis
         assert [f.severity for f in spoiled.axes[axis].findings if f.code == "outliers"] == ["warning"]
-        told = [f for f in repaired.axes[axis].findings if f.code == "outliers"]
+        notices = [f for f in repaired.axes[axis].findings if f.code == "outliers"]
         # where they were, and that they are replaced: a warning above 3 %, which leads
-        assert {f.severity for f in told} <= {"note", "warning"}
-        assert sum("were replaced" in f.text for f in told) == 1
+        assert {f.severity for f in notices} <= {"note", "warning"}
+        assert sum("were replaced" in f.text for f in notices) == 1
         # nothing is said of the reach of a curve that nobody sees
         assert not [f for f in repaired.axes[axis].findings if f.code == "too_short"]
     assert repaired.provenance["robust"] is True

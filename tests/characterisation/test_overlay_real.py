@@ -37,10 +37,10 @@ def identified(request, shared_data) -> tuple[ImuSeries, NoiseIdentification]:
 
 def test_every_axis_is_identified_without_departure(identified):
     """What the terms cannot describe (filter, vibration) is at short times and has the measured spectrum."""
-    _, found = identified
-    assert not found.refused
-    assert set(found.axes) == set(AXES)
-    for axis in found.axes.values():
+    _, noise = identified
+    assert not noise.refused
+    assert set(noise.axes) == set(AXES)
+    for axis in noise.axes.values():
         codes = {f.code for f in axis.findings}
         assert not codes & {"departure", "no_model"}, axis.axis
         tau = axis.curve.tau
@@ -51,15 +51,15 @@ def test_every_axis_is_identified_without_departure(identified):
 @pytest.mark.parametrize("name", ["gyro_z", "accel_z"])
 def test_simulated_the_model_reproduces_the_curve(identified, name):
     """Statistical: the log's Allan curve is an ordinary one among 39 simulated ones (p > 2.5 %)."""
-    imu, found = identified
-    check(imu, found, name)
+    imu, noise = identified
+    check(imu, noise, name)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", AXES)
 def test_simulated_every_axis_reproduces_the_curve(identified, name):
-    imu, found = identified
-    check(imu, found, name)
+    imu, noise = identified
+    check(imu, noise, name)
 
 
 def test_a_parked_car_is_reproduced_and_said_to_be_no_sensor_noise(shared_data):
@@ -67,26 +67,26 @@ def test_a_parked_car_is_reproduced_and_said_to_be_no_sensor_noise(shared_data):
     readings of six being the same, which no Gaussian process has: its model counts. That passes here, not with 199
     realisations (docs/noise-validation.md)."""
     imu = laser_gyro(shared_data)
-    found = identify_noise(imu)
+    noise = identify_noise(imu)
     for name in ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y"):
-        codes = {f.code for f in found.axes[name].findings}
+        codes = {f.code for f in noise.axes[name].findings}
         assert codes & {"departure", "no_model"}, name
-        check(imu.rates(), found, name)
-    assert {"motion", "step"} <= {f.code for f in found.axes["gyro_x"].findings}
-    counted = found.axes["accel_z"]
+        check(imu.rates(), noise, name)
+    assert {"motion", "step"} <= {f.code for f in noise.axes["gyro_x"].findings}
+    counted = noise.axes["accel_z"]
     assert {"coarse", "counted"} <= {f.code for f in counted.findings}
     (process,) = counted.model.terms
     assert isinstance(process, Counted)
     # four counts of the file a pulse, read at 125 Hz: 99.98 % of the readings can be told from the log, and are whole
     assert process.quantum == pytest.approx(4.0 * 125.0 * UG, rel=1e-6)
     assert process.read_rate_hz == pytest.approx(125.0)
-    check(imu.rates(), found, "accel_z")
+    check(imu.rates(), noise, "accel_z")
 
 
-def check(imu: ImuSeries, found: NoiseIdentification, name: str) -> None:
+def check(imu: ImuSeries, noise: NoiseIdentification, name: str) -> None:
     k = AXES.index(name)
     x = (imu.gyro if k < 3 else imu.accel)[:, k % 3]
-    laid = overlay(found.axes[name], x, imu.rate_hz, np.random.default_rng(1))
+    laid = overlay(noise.axes[name], x, imu.rate_hz, np.random.default_rng(1))
     print(name, laid.summary())
     assert laid.allan.share > 0.9
     assert laid.allan.p > 0.025

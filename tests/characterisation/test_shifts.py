@@ -38,11 +38,11 @@ def test_the_likelihood_is_that_of_the_general_fit(model, rng):
 def test_a_shift_of_a_third_of_a_sample_is_found(place):
     x = (White(1e-3) + Flicker(1e-4)).sample(60_000, 0.01, np.random.default_rng(2))
     x[int(place * len(x)) :] += 3e-3
-    (found,) = level_shifts(x, 100.0, axis="gyro_y")
-    assert found.code == "step"
-    assert found.severity == "warning"
-    assert found.start_s - 5.0 <= 600.0 * place <= found.stop_s + 5.0  # a block of 5 s
-    height = float(found.text.split("shifts by ")[1].split(" ")[0])
+    (steps,) = level_shifts(x, 100.0, axis="gyro_y")
+    assert steps.code == "step"
+    assert steps.severity == "warning"
+    assert steps.start_s - 5.0 <= 600.0 * place <= steps.stop_s + 5.0  # a block of 5 s
+    height = float(steps.text.split("shifts by ")[1].split(" ")[0])
     assert height == pytest.approx(3e-3, abs=1e-3)  # statistical: 4.5e-4 a block
 
 
@@ -50,9 +50,9 @@ def test_several_shifts_are_found_one_by_one():
     x = (White(1e-3) + Flicker(5e-5)).sample(60_000, 0.01, np.random.default_rng(3))
     x[15_000:] += 4e-3
     x[40_000:] -= 6e-3
-    found = level_shifts(x, 100.0)
-    assert len(found) == 2
-    assert sorted(f.start_s for f in found) == pytest.approx([145.0, 395.0], abs=6.0)  # a block
+    steps = level_shifts(x, 100.0)
+    assert len(steps) == 2
+    assert sorted(f.start_s for f in steps) == pytest.approx([145.0, 395.0], abs=6.0)  # a block
 
 
 @pytest.mark.parametrize("logs", [42, pytest.param(210, marks=pytest.mark.campaign)])

@@ -59,11 +59,11 @@ def test_any_number_and_any_text_come_back_unchanged(tmp_path_factory, name, sou
 def test_uncertainty_axes_and_provenance_come_back(tmp_path):
     provenance = {"schuler": "0.2", "sources": [{"path": 'a "b"\\c', "sha256": "00"}], "robust": True, "n": 3}
     path = write_spec(tmp_path / "imu.toml", SPEC, SIGMA, AXES, provenance)
-    found = read_spec_file(path)
-    assert found.spec == SPEC
-    assert found.sigma == SIGMA
-    assert found.axes == AXES
-    assert found.provenance == provenance
+    read_back = read_spec_file(path)
+    assert read_back.spec == SPEC
+    assert read_back.sigma == SIGMA
+    assert read_back.axes == AXES
+    assert read_back.provenance == provenance
 
 
 def test_every_number_has_its_unit_beside_it():
@@ -128,10 +128,10 @@ def test_numbers_of_numpy_and_infinite_uncertainty(tmp_path):
     sigma = {"gyro": {"random_walk": float("inf"), "bias_instability": np.float64(0.1)}}
     axes = {"gyro_x": {"random_walk": np.float64(1e-5), "gauss_markov": [[np.float64(1e-5), 20.0]]}}
     path = write_spec(tmp_path / "imu.toml", SPEC, sigma, axes, {"rate": np.float64(3.5), "n": np.int64(3)})
-    found = read_spec_file(path)
-    assert found.sigma == sigma
-    assert found.axes == axes
-    assert found.provenance == {"rate": 3.5, "n": "3"}
+    read_back = read_spec_file(path)
+    assert read_back.sigma == sigma
+    assert read_back.axes == axes
+    assert read_back.provenance == {"rate": 3.5, "n": "3"}
 
 
 def test_nothing_wrong_is_written(tmp_path):
@@ -204,8 +204,8 @@ def test_the_file_in_the_documentation_is_one(tmp_path):
     page = (ROOT / "docs" / "noise-exports.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
     (tmp_path / "imu.toml").write_text(block)
-    found = read_spec_file(tmp_path / "imu.toml")
-    assert block in spec_text(found.spec, found.sigma, found.axes, found.provenance)
+    read_back = read_spec_file(tmp_path / "imu.toml")
+    assert block in spec_text(read_back.spec, read_back.sigma, read_back.axes, read_back.provenance)
 
 
 def test_every_export_and_key_is_in_the_documentation():

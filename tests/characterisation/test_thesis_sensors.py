@@ -121,14 +121,14 @@ Interval = tuple[float, float, float]
 
 def numbers(axis: AxisNoise) -> dict[str, Interval]:
     """Value and 95 % interval of N and K, of sigma_b and tau too where the fit took one Gauss-Markov bias."""
-    found = dict(axis.terms)
+    outcome = dict(axis.terms)
     if len(axis.gauss_markov) != 1:
-        return {k: (e.value, e.low, e.high) for k, e in found.items()}
-    ((found["sigma_b"], found["tau"]),) = axis.gauss_markov
-    K = found["sigma_b"].value * np.sqrt(2.0 / found["tau"].value)
+        return {k: (e.value, e.low, e.high) for k, e in outcome.items()}
+    ((outcome["sigma_b"], outcome["tau"]),) = axis.gauss_markov
+    K = outcome["sigma_b"].value * np.sqrt(2.0 / outcome["tau"].value)
     w = np.array([{"sigma_1": 1.0, "tau_1": -0.5}.get(n, 0.0) for n in axis.names])
     factor = np.exp(1.96 * np.sqrt(w @ axis.covariance @ w))
-    return {"K": (K, K / factor, K * factor)} | {k: (e.value, e.low, e.high) for k, e in found.items()}
+    return {"K": (K, K / factor, K * factor)} | {k: (e.value, e.low, e.high) for k, e in outcome.items()}
 
 
 def stated(sensor: Sensor) -> dict[str, float]:
@@ -148,8 +148,8 @@ def test_the_catalogue_has_the_stated_numbers():
     """Sections 2.3 to 2.7 and Table 2.3, in their units; rounding."""
     for sensor in (AQRS, HUMPHREY, KVH):
         t = sensor.triad
-        found = (t.random_walk / sensor.unit, t.in_run_bias / sensor.unit, t.in_run_time)
-        assert found == pytest.approx((sensor.N, sensor.sigma_b, sensor.tau), rel=1e-12)
+        outcome = (t.random_walk / sensor.unit, t.in_run_bias / sensor.unit, t.in_run_time)
+        assert outcome == pytest.approx((sensor.N, sensor.sigma_b, sensor.tau), rel=1e-12)
     published = catalogue.triad("AQRS-104", "gyro")
     assert (published.random_walk / u.DEG, published.in_run_bias / u.DEG, published.in_run_time) == pytest.approx(
         (0.025, 0.05, 1000.0)
@@ -170,9 +170,9 @@ HOLD = {"N": 0.95, "K": 0.95, "sigma_b": 0.75, "tau": 0.75}
 
 def check_intervals(name: str, logs: tuple[Log, ...], hold: dict[str, float] = HOLD) -> None:
     """Shares of logs whose 95 % interval holds the stated number: binomial, 3 standard errors."""
-    found = [numbers(log.fitted) for log in logs]
+    outcome = [numbers(log.fitted) for log in logs]
     for key, value in stated(SENSORS[name]).items():
-        intervals = [f[key] for f in found if key in f]
+        intervals = [f[key] for f in outcome if key in f]
         assert len(intervals) >= len(logs) // 3
         inside = [low <= value <= high for _, low, high in intervals]
         assert np.mean(inside) >= short_of(hold[key], len(inside)), (key, intervals)
@@ -285,8 +285,8 @@ def check_by_hand(name: str, logs: tuple[Log, ...]) -> None:
     )
     below = np.mean(tau < 1.05 * expected.tau_ratio[1])
     assert below == pytest.approx(0.5, abs=3.0 * np.sqrt(0.25 / n))
-    for found, points in ((sigma, expected.sigma_ratio), (tau, expected.tau_ratio)):
-        assert np.mean((found > 0.95 * points[0]) & (found < 1.05 * points[2])) >= short_of(0.9, n)
+    for outcome, points in ((sigma, expected.sigma_ratio), (tau, expected.tau_ratio)):
+        assert np.mean((outcome > 0.95 * points[0]) & (outcome < 1.05 * points[2])) >= short_of(0.9, n)
 
 
 @pytest.mark.parametrize("name", ["AQRS", "Humphrey"])
@@ -363,11 +363,11 @@ def test_two_days(name):
 
 
 def tell(name: str, logs: tuple[Log, ...]) -> None:
-    found = [numbers(log.fitted) for log in logs]
+    outcome = [numbers(log.fitted) for log in logs]
     hours = len(logs[0].x) / logs[0].rate / HOUR
     print(f"\n{name}: {len(logs)} logs of {hours:g} h; median (5 to 95 %) over the stated number")
     for key, value in stated(SENSORS[name]).items():
-        of_fit = np.array([f[key] for f in found if key in f]) / value
+        of_fit = np.array([f[key] for f in outcome if key in f]) / value
         inside = np.mean([low <= 1.0 <= high for _, low, high in of_fit])
         manual = [log.by_hand.K if key == "K" else getattr(log.by_hand, key).value for log in logs]
         print(
@@ -390,8 +390,8 @@ def test_full_logs(name):
     for log in logs:
         verdict, by_hand = log.over(log.fitted), log.over(log.by_hand.model)
         units = {"N": sensor.unit, "K": sensor.unit, "sigma_b": sensor.unit, "tau": 1.0}
-        found = numbers(log.fitted)
-        fitted = {k: [v / units[k] for v in found[k]] for k in units if k in found}
+        outcome = numbers(log.fitted)
+        fitted = {k: [v / units[k] for v in outcome[k]] for k in units if k in outcome}
         print(f"\n{name} {log.fitted.axis}, {len(log.x)} samples, {' + '.join(log.fitted.names)}")
         for key in units:
             manual = log.by_hand.K if key == "K" else getattr(log.by_hand, key).value

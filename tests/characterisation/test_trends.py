@@ -36,49 +36,51 @@ def test_covariances_have_the_allan_variance_they_are_said_to_have(kind):
 def test_the_noise_found_is_the_noise_put_in():
     """Allan deviation at a minute and at ten, median over 20 logs."""
     for model in (White(1.0), RandomWalk(0.01), White(1.0) + flicker(0.1)):
-        found = [warm_up(noise(seed, model), RATE).noise for seed in range(20)]
+        estimates = [warm_up(noise(seed, model), RATE).noise for seed in range(20)]
         for tau in (60.0, 600.0):
-            ratio = np.median([f.allan_variance(tau) for f in found]) / model.allan_variance(tau)
+            ratio = np.median([f.allan_variance(tau) for f in estimates]) / model.allan_variance(tau)
             assert 0.5 < ratio < 2.0  # statistical, and a grid of half decades
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_an_exponential_is_found_with_its_time_and_size(seed):
-    found = warm_up(noise(seed) - 1.0 * np.exp(-T / 300.0), RATE, axis="gyro_z")
-    assert found.kind == "exponential"
-    assert abs(found.value + 1.0) < 4.0 * found.sigma + 0.05  # statistical; sigma is for the settling time as found
-    assert 200.0 < found.tau_s < 450.0
-    assert found.p_value < 1e-3
-    assert found.share > 0.3
-    assert found.findings[0].code == "trend"
-    assert found.findings[0].text.startswith("gyro_z: settles by +")
-    start = settled_from(found)
+    estimates = warm_up(noise(seed) - 1.0 * np.exp(-T / 300.0), RATE, axis="gyro_z")
+    assert estimates.kind == "exponential"
+    assert (
+        abs(estimates.value + 1.0) < 4.0 * estimates.sigma + 0.05
+    )  # statistical; sigma is for the settling time as found
+    assert 200.0 < estimates.tau_s < 450.0
+    assert estimates.p_value < 1e-3
+    assert estimates.share > 0.3
+    assert estimates.findings[0].code == "trend"
+    assert estimates.findings[0].text.startswith("gyro_z: settles by +")
+    start = settled_from(estimates)
     assert 300.0 < start < 1800.0
-    assert found.findings[0].stop_s == pytest.approx(start)
-    left = noise(seed) - 1.0 * np.exp(-T / 300.0) - found.at(T)
+    assert estimates.findings[0].stop_s == pytest.approx(start)
+    left = noise(seed) - 1.0 * np.exp(-T / 300.0) - estimates.at(T)
     assert warm_up(left, RATE).kind == "none"
 
 
 def test_settled_from_follows_the_tolerance():
-    found = warm_up(noise(5) + 2.0 * np.exp(-T / 200.0), RATE)
-    start = settled_from(found, 0.02)
-    assert abs(found.value) * np.exp(-start / found.tau_s) == pytest.approx(0.02)  # rounding
-    assert settled_from(found, 1e-9) == np.inf
+    estimates = warm_up(noise(5) + 2.0 * np.exp(-T / 200.0), RATE)
+    start = settled_from(estimates, 0.02)
+    assert abs(estimates.value) * np.exp(-start / estimates.tau_s) == pytest.approx(0.02)  # rounding
+    assert settled_from(estimates, 1e-9) == np.inf
     with pytest.raises(InputError, match="tolerance: expected a positive number"):
-        settled_from(found, 0.0)
+        settled_from(estimates, 0.0)
 
 
 @pytest.mark.parametrize("slope", [5e-4, -5e-4])
 def test_a_ramp_is_found_with_its_slope(slope):
     slopes, sigmas = [], []
     for seed in range(10):
-        found = warm_up(noise(seed) + slope * T, RATE)
-        assert found.kind != "none"
-        if found.kind == "ramp":  # slow exponentials are as good on some draws
-            slopes.append(found.value)
-            sigmas.append(found.sigma)
-            assert settled_from(found) == np.inf
-            np.testing.assert_allclose(found.at([0.0, 10.0]), [0.0, 10.0 * found.value])
+        estimates = warm_up(noise(seed) + slope * T, RATE)
+        assert estimates.kind != "none"
+        if estimates.kind == "ramp":  # slow exponentials are as good on some draws
+            slopes.append(estimates.value)
+            sigmas.append(estimates.sigma)
+            assert settled_from(estimates) == np.inf
+            np.testing.assert_allclose(estimates.at([0.0, 10.0]), [0.0, 10.0 * estimates.value])
     assert len(slopes) >= 5
     # statistical: 4 standard errors
     assert abs(np.mean(slopes) - slope) < 4.0 * np.std(slopes) / np.sqrt(len(slopes)) + 1e-6
@@ -126,14 +128,14 @@ def day(seed):
 def test_a_temperature_coefficient_is_found_within_its_uncertainty():
     z = []
     for seed in range(12):
-        found = temperature_trend(noise(seed) + 0.3 * (day(seed) - 25.0), day(seed), RATE)
-        assert found.kind == "temperature"
-        assert found.findings[0].code == "temperature"
-        assert found.share > 0.5
-        z.append((found.value - 0.3) / found.sigma)
+        estimates = temperature_trend(noise(seed) + 0.3 * (day(seed) - 25.0), day(seed), RATE)
+        assert estimates.kind == "temperature"
+        assert estimates.findings[0].code == "temperature"
+        assert estimates.share > 0.5
+        z.append((estimates.value - 0.3) / estimates.sigma)
     assert np.max(np.abs(z)) < 4.5  # statistical, with a noise that is itself estimated
     assert 0.4 < np.std(z) < 2.0
-    np.testing.assert_allclose(found.at(found.reference + 2.0), 2.0 * found.value)
+    np.testing.assert_allclose(estimates.at(estimates.reference + 2.0), 2.0 * estimates.value)
 
 
 def test_two_walks_are_no_cause_and_effect():
@@ -193,8 +195,10 @@ def test_adis16405_is_warm_when_its_log_begins(shared_data):
 def test_thermal_chamber(shared_data):
     """Gyro y follows the temperature with 5.9e-4 rad/s/K (line through all samples), gyro x and z hardly in a line."""
     log = np.genfromtxt(shared_data / "imu_thermal" / "imu_raw_data.csv", delimiter="\t", skip_header=1)
-    found = temperature_trend(log[:, 2], log[:, 8], 1.0)  # the rate is not known
-    assert found.kind == "temperature"
-    assert found.value == pytest.approx(np.polyfit(log[:, 8], log[:, 2], 1)[0], rel=0.15)  # curvature and hysteresis
-    assert found.share > 0.8
+    estimates = temperature_trend(log[:, 2], log[:, 8], 1.0)  # the rate is not known
+    assert estimates.kind == "temperature"
+    assert estimates.value == pytest.approx(
+        np.polyfit(log[:, 8], log[:, 2], 1)[0], rel=0.15
+    )  # curvature and hysteresis
+    assert estimates.share > 0.8
     assert temperature_trend(log[:, 1], log[:, 8], 1.0).kind == "none"

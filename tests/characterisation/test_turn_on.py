@@ -18,38 +18,38 @@ def test_with_equal_uncertainties_it_is_the_textbook(rng):
     """Sample variance less s^2; bounds from chi-square of r - 1 degrees of freedom."""
     x = 3.0 + 0.5 * rng.standard_normal(12)
     total, s = x.var(ddof=1), 0.2
-    found = turn_on_bias(x, s)
-    np.testing.assert_allclose(found.mean, x.mean(), rtol=1e-12)  # rounding, here and below
-    np.testing.assert_allclose(found.sigma, np.sqrt(total - s**2), rtol=1e-9)
-    np.testing.assert_allclose(found.mean_sigma, np.sqrt(total / 12.0), rtol=1e-9)
-    np.testing.assert_allclose(found.low, np.sqrt(max(11.0 * total / chi2.ppf(0.975, 11) - s**2, 0.0)), rtol=1e-9)
-    np.testing.assert_allclose(found.high, np.sqrt(11.0 * total / chi2.ppf(0.025, 11) - s**2), rtol=1e-9)
+    spread = turn_on_bias(x, s)
+    np.testing.assert_allclose(spread.mean, x.mean(), rtol=1e-12)  # rounding, here and below
+    np.testing.assert_allclose(spread.sigma, np.sqrt(total - s**2), rtol=1e-9)
+    np.testing.assert_allclose(spread.mean_sigma, np.sqrt(total / 12.0), rtol=1e-9)
+    np.testing.assert_allclose(spread.low, np.sqrt(max(11.0 * total / chi2.ppf(0.975, 11) - s**2, 0.0)), rtol=1e-9)
+    np.testing.assert_allclose(spread.high, np.sqrt(11.0 * total / chi2.ppf(0.025, 11) - s**2), rtol=1e-9)
     half = student.ppf(0.975, 11) * np.sqrt(total / 12.0)
-    np.testing.assert_allclose((found.mean_low[0], found.mean_high[0]), (x.mean() - half, x.mean() + half), rtol=1e-9)
-    assert found.records == 12
-    assert "spread" in found.summary()
+    np.testing.assert_allclose((spread.mean_low[0], spread.mean_high[0]), (x.mean() - half, x.mean() + half), rtol=1e-9)
+    assert spread.records == 12
+    assert "spread" in spread.summary()
 
 
 def test_without_uncertainties_it_is_the_sample_deviation(rng):
     x = rng.standard_normal((8, 3)) * (1e-6, 1.0, 1e6)
-    found = turn_on_bias(x)
-    np.testing.assert_allclose(found.sigma, x.std(axis=0, ddof=1), rtol=1e-9)  # rounding
-    np.testing.assert_allclose(found.mean, x.mean(axis=0), rtol=1e-12, atol=1e-12)
+    spread = turn_on_bias(x)
+    np.testing.assert_allclose(spread.sigma, x.std(axis=0, ddof=1), rtol=1e-9)  # rounding
+    np.testing.assert_allclose(spread.mean, x.mean(axis=0), rtol=1e-12, atol=1e-12)
 
 
 def test_unequal_uncertainties_satisfy_their_equation(rng):
     s = np.array([0.1, 0.1, 2.0, 0.3, 0.05, 1.0, 0.2])
     x = 1.0 + np.hypot(0.5, s) * rng.standard_normal(7)
-    found = turn_on_bias(x, s)
-    for sigma, target in ((found.sigma, 6.0), (found.low, chi2.ppf(0.975, 6)), (found.high, chi2.ppf(0.025, 6))):
+    spread = turn_on_bias(x, s)
+    for sigma, target in ((spread.sigma, 6.0), (spread.low, chi2.ppf(0.975, 6)), (spread.high, chi2.ppf(0.025, 6))):
         w = 1.0 / (sigma[0] ** 2 + s**2)
         assert w @ (x - w @ x / w.sum()) ** 2 == pytest.approx(target, rel=1e-8)  # rounding
 
 
 def test_means_that_agree_show_no_spread():
-    found = turn_on_bias([1.0, 1.01, 0.99, 1.0], 0.5)
-    assert found.sigma[0] == 0.0
-    assert found.low[0] == 0.0
+    spread = turn_on_bias([1.0, 1.01, 0.99, 1.0], 0.5)
+    assert spread.sigma[0] == 0.0
+    assert spread.low[0] == 0.0
     assert turn_on_bias([2.0, 2.0, 2.0]).sigma[0] == 0.0
 
 
@@ -61,10 +61,10 @@ def test_the_interval_covers_as_often_as_it_says(ratio, runs):
     s = ratio * np.geomspace(0.5, 2.0, 10)
     covered, means, variances = 0, 0, []
     for _ in range(runs):
-        found = turn_on_bias(np.hypot(1.0, s) * rng.standard_normal(10), s)
-        covered += found.low[0] <= 1.0 <= found.high[0]
-        means += found.mean_low[0] <= 0.0 <= found.mean_high[0]
-        variances.append(found.sigma[0] ** 2)
+        spread = turn_on_bias(np.hypot(1.0, s) * rng.standard_normal(10), s)
+        covered += spread.low[0] <= 1.0 <= spread.high[0]
+        means += spread.mean_low[0] <= 0.0 <= spread.mean_high[0]
+        variances.append(spread.sigma[0] ** 2)
     # statistical: 3.5 standard errors of a share of so many
     assert abs(covered / runs - 0.95) < 3.5 * np.sqrt(0.95 * 0.05 / runs)
     # unequal uncertainties and a spread clipped at zero: by Student's distribution a little on the safe side
@@ -97,9 +97,9 @@ def test_records_give_the_spread_that_was_put_in():
         records.append(ImuSeries(np.arange(2000) * 0.1, gyro, accel))
     means, sigmas = record_means(records)
     assert means.shape == sigmas.shape == (12, 6)
-    found = turn_on_bias(means, sigmas)
-    assert np.all((found.low < bias) & (bias < found.high))  # statistical: 95 % each, fixed seed
-    assert np.all(found.within[:3] > 5e-4 / np.sqrt(200.0))
+    spread = turn_on_bias(means, sigmas)
+    assert np.all((spread.low < bias) & (bias < spread.high))  # statistical: 95 % each, fixed seed
+    assert np.all(spread.within[:3] > 5e-4 / np.sqrt(200.0))
 
 
 def test_a_budget_of_several_switch_ons_has_their_spread_and_not_their_mean(tmp_path):
@@ -114,11 +114,11 @@ def test_a_budget_of_several_switch_ons_has_their_spread_and_not_their_mean(tmp_
     sigma = np.sqrt(np.mean(4.0 / 3.0 * turn_on.var(axis=0, ddof=1)))
     assert several.spec.gyro.turn_on_bias / DEG_PER_HR == pytest.approx(sigma, rel=1e-3)  # noise of the means: 1e-4
     assert several.spec_sigma["gyro"]["turn_on_bias"] == pytest.approx(1.0 / np.sqrt(2.0 * 6.0))
-    found = several.turn_on["gyro_x"]
-    assert found.mean[0] / DEG_PER_HR == pytest.approx(turn_on[:, 0].mean(), rel=1e-3)
+    spread = several.turn_on["gyro_x"]
+    assert spread.mean[0] / DEG_PER_HR == pytest.approx(turn_on[:, 0].mean(), rel=1e-3)
     assert "gyro_x over 3 switch-ons [deg/h]: mean" in several.summary()
     page = several.report(tmp_path / "noise.html").read_text(encoding="utf-8")
-    assert f"{found.mean[0] / DEG_PER_HR:.4g} (" in page.partition("Switch-ons</h2>")[2]
+    assert f"{spread.mean[0] / DEG_PER_HR:.4g} (" in page.partition("Switch-ons</h2>")[2]
     assert fewer.turn_on == {}
     assert fewer.spec.gyro.turn_on_bias > 20.0 * DEG_PER_HR
 

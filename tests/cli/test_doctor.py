@@ -64,7 +64,7 @@ def test_versions_are_compared_as_numbers(given, enough):
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "said"),
+    ("key", "value", "message"),
     [
         ("drift_m", 3.0, "a perfect IMU is 3 m off"),
         ("drift_m", float("nan"), "a perfect IMU is nan m off"),
@@ -73,11 +73,11 @@ def test_versions_are_compared_as_numbers(given, enough):
         ("nis_mean", 0.2, "mean NIS 0.2, expected 1"),
     ],
 )
-def test_a_wrong_answer_of_the_self_test_is_a_fault(key, value, said, capsys, quick, monkeypatch):
+def test_a_wrong_answer_of_the_self_test_is_a_fault(key, value, message, capsys, quick, monkeypatch):
     monkeypatch.setattr(doctor, "_drive", lambda: {**quick, key: value})
     code, out, _ = run(capsys, "doctor")
     assert code == 1
-    assert f"BROKEN: self-test: {said}" in out
+    assert f"BROKEN: self-test: {message}" in out
 
 
 def test_a_self_test_that_ends_in_an_error_is_a_fault(capsys, quick, monkeypatch):

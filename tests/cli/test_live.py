@@ -311,10 +311,10 @@ def test_standard_input_and_a_signal(log, tmp_path, ports):
         stdin=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ, "PYTHONWARNINGS": "ignore"},
     )  # fmt: skip
     try:
-        said = b""
-        while b"listening" not in said:
+        sentence = b""
+        while b"listening" not in sentence:
             assert select.select([program.stderr], [], [], LONGEST_S)[0]
-            said += os.read(program.stderr.fileno(), 1000)
+            sentence += os.read(program.stderr.fileno(), 1000)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as s:
 
             def send(data):
@@ -322,7 +322,7 @@ def test_standard_input_and_a_signal(log, tmp_path, ports):
 
             Sender(folder, send, lambda d: s.sendto(d, ("127.0.0.1", ports[0])), out).run()
         with urllib.request.urlopen(f"http://127.0.0.1:{ports[1]}", timeout=LONGEST_S) as answer:
-            told = json.load(answer)
+            notice = json.load(answer)
         program.send_signal(signal.SIGTERM)
         assert program.wait(LONGEST_S) == 0
     finally:
@@ -331,9 +331,9 @@ def test_standard_input_and_a_signal(log, tmp_path, ports):
     assert compare(read_lines(out), trajectory, in_time=False) > 100
     assert len(schuler.read(tmp_path / "run" / "solution.parquet").reference.t) > 100
     saved, last = LiveNavigator.load(tmp_path / "drive.state"), read_lines(out)[-1]
-    assert saved.health == told["health"] == "ok"
+    assert saved.health == notice["health"] == "ok"
     assert saved.solution().t == pytest.approx(last["t_s"], abs=0.1)  # an output's interval
-    assert 0.0 < told["sigma_horizontal_m"] < 1.0
+    assert 0.0 < notice["sigma_horizontal_m"] < 1.0
 
 
 def test_a_run_that_ends_goes_on_from_its_state(log, tmp_path, capsys):

@@ -103,6 +103,6 @@ def test_a_calibration_that_is_read_is_never_replaced(tmp_path, capsys):
     before = Path(answer(capsys, *call)["files"]["calibration"])
     text = before.read_text()
     for more in ((), ("--force",)):
-        said = refusal(capsys, *call, "--previous", before, "--date", "2026-01-01", *more)
-        assert f"{before} was read by this command" in said
+        sentence = refusal(capsys, *call, "--previous", before, "--date", "2026-01-01", *more)
+        assert f"{before} was read by this command" in sentence
     assert before.read_text() == text

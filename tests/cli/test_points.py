@@ -270,10 +270,10 @@ def test_what_cannot_be_solved_is_refused(sky, folder, tmp_path, capsys):
         return message
 
     assert "no such file or folder" in refused(tmp_path / "nothing.obs")
-    said = refused(folder / "rover.obs")
-    assert "has no ephemerides" in said
-    assert "rover.nav" in said  # lies beside it
-    assert "give a RINEX navigation file of that day with --nav" in said
+    sentence = refused(folder / "rover.obs")
+    assert "has no ephemerides" in sentence
+    assert "rover.nav" in sentence  # lies beside it
+    assert "give a RINEX navigation file of that day with --nav" in sentence
     assert "expected raw measurements of a receiver" in refused(folder / "rover.nav")
     assert "--nav" in refused(folder / "rover.obs", "--nav", folder / "rover.obs")
     assert "no such file" in refused(folder / "rover.obs", "--nav", folder / "none.nav")
@@ -286,9 +286,9 @@ def test_what_cannot_be_solved_is_refused(sky, folder, tmp_path, capsys):
     late = replace(o, epoch_gps_s=o.epoch_gps_s + 604_800.0)
     assert "no ephemeris for any of its satellites" in refused(saved(late, eph, tmp_path / "week.parquet"))
     (folder / "base.obs").write_text((folder / "rover.obs").read_text())
-    said = refused(folder)
-    assert "got base.obs, rover.obs" in said
-    assert f"schuler points {folder / 'base.obs'} --nav {folder / 'more.nav'} --nav {folder / 'rover.nav'}" in said
+    sentence = refused(folder)
+    assert "got base.obs, rover.obs" in sentence
+    assert f"schuler points {folder / 'base.obs'} --nav {folder / 'more.nav'} --nav {folder / 'rover.nav'}" in sentence
     (folder / "base.obs").unlink()
     (folder / "rover.obs").rename(tmp_path / "away.obs")
     assert "expected one file of raw measurements" in refused(folder)

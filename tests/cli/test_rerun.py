@@ -37,8 +37,8 @@ def test_same_numbers_byte_for_byte_and_what_differs_is_said(town, tmp_path, cap
     assert again["same"]
     assert again["changed_inputs"] == []
     assert (second / "metrics.json").read_bytes() == (first / "metrics.json").read_bytes()
-    said = refusal(capsys, "rerun", first, "--out", first)
-    assert "was read by this command" in said
+    message = refusal(capsys, "rerun", first, "--out", first)
+    assert "was read by this command" in message
     assert (second / "metrics.json").read_bytes() == (first / "metrics.json").read_bytes()
 
     # another input and another number: said, exit code 1

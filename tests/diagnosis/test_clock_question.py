@@ -59,10 +59,10 @@ def test_leap_seconds_of_the_drive():
 
 @pytest.mark.parametrize(("name", "stamp", "option"), stamps(), ids=[s[0] for s in stamps()])
 def test_the_meaning_of_the_stamps_is_named(folder, name, stamp, option):
-    found = diagnose_log(folder(stamp), imu=IMU, gnss=GNSS)
-    assert found.codes() == ("clock_unknown",), found.summary()
-    assert found.options() == (option,)
-    assert "axes" in found.checked
+    diagnosis = diagnose_log(folder(stamp), imu=IMU, gnss=GNSS)
+    assert diagnosis.codes() == ("clock_unknown",), diagnosis.summary()
+    assert diagnosis.options() == (option,)
+    assert "axes" in diagnosis.checked
     stated = IMU | {"time": option.split("'")[1]}
     assert diagnose_log(folder(stamp), imu=stated, gnss=GNSS).codes() == ()
 
@@ -70,9 +70,9 @@ def test_the_meaning_of_the_stamps_is_named(folder, name, stamp, option):
 def test_a_counter_from_power_up_is_brought_over_by_the_motion(folder):
     """Whatever zero is: the option adds what is missing, to the sigma of the clock."""
     path = folder(lambda t: t - START + 777.0)
-    found = diagnose_log(path, imu=IMU, gnss=GNSS)
-    assert found.codes() == ("clock_unknown",)
-    time, offset = (part.partition("=")[2] for part in found.options()[0].removesuffix(" for the IMU").split(", "))
+    diagnosis = diagnose_log(path, imu=IMU, gnss=GNSS)
+    assert diagnosis.codes() == ("clock_unknown",)
+    time, offset = (part.partition("=")[2] for part in diagnosis.options()[0].removesuffix(" for the IMU").split(", "))
     tow = START - week_tow(START)[0] * WEEK_S
     assert float(offset) == pytest.approx(tow - 777.0, abs=0.03)  # statistical, 1-sigma 8 ms
     again = diagnose_log(path, imu=IMU | {"time": time.strip("'"), "offset": float(offset)}, gnss=GNSS)
@@ -80,16 +80,16 @@ def test_a_counter_from_power_up_is_brought_over_by_the_motion(folder):
 
 
 def test_other_faults_beside_the_question_are_found(folder):
-    found = diagnose_log(folder(lambda t: t - START, accel=1.0 / G0), imu=IMU, gnss=GNSS)
-    assert set(found.codes()) == {"clock_unknown", "accel_unit"}
+    diagnosis = diagnose_log(folder(lambda t: t - START, accel=1.0 / G0), imu=IMU, gnss=GNSS)
+    assert set(diagnosis.codes()) == {"clock_unknown", "accel_unit"}
 
 
 def test_without_motion_each_is_judged_by_itself(folder):
     path = folder(lambda t: t - START, accel=1.0 / G0, still=True)
-    found = diagnose_log(path, imu=IMU, gnss=GNSS)
-    assert {"clock_unknown", "accel_unit"} <= set(found.codes())
-    assert {"unit of specific force", "positions against velocities", "GNSS quality"} <= set(found.checked)
-    question = next(f for f in found.findings if f.code == "clock_unknown")
+    diagnosis = diagnose_log(path, imu=IMU, gnss=GNSS)
+    assert {"clock_unknown", "accel_unit"} <= set(diagnosis.codes())
+    assert {"unit of specific force", "positions against velocities", "GNSS quality"} <= set(diagnosis.checked)
+    question = next(f for f in diagnosis.findings if f.code == "clock_unknown")
     assert "each was judged by itself" in question.text
     assert "time=" in question.fix
 
@@ -118,6 +118,6 @@ def test_exchanged_coordinates_do_not_hide_what_is_wrong_with_the_imu(tmp_path, 
     ):
         table = np.column_stack((g.t, latlon, g.v_n, sigma, sigma))
         np.savetxt(tmp_path / "gnss.csv", table, delimiter=",", fmt="%.12g")
-        found = diagnose_log(tmp_path, imu=IMU, gnss={k: v for k, v in GNSS.items() if k != "time"})
-        assert set(found.codes()) == {code, "accel_unit"}, name
-        assert "axes" in found.checked
+        diagnosis = diagnose_log(tmp_path, imu=IMU, gnss={k: v for k, v in GNSS.items() if k != "time"})
+        assert set(diagnosis.codes()) == {code, "accel_unit"}, name
+        assert "axes" in diagnosis.checked

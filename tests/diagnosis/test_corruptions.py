@@ -45,12 +45,12 @@ def score(base, cases, folder, seed=SEED):
     """Number of cases, those missed, and those with an alarm besides."""
     missed, besides = [], []
     for k, faults in enumerate(cases):
-        found = found_in(base, faults, 1000 * seed + k, folder)
+        diagnosis = found_in(base, faults, 1000 * seed + k, folder)
         name = " + ".join(fault.name for fault in faults)
-        if not all(fault.named_by(found) for fault in faults):
-            missed.append(f"{name}: got {found.codes()}")
-        if set(found.codes()) - set().union(*(fault.codes for fault in faults)):
-            besides.append(f"{name}: got {found.codes()}")
+        if not all(fault.named_by(diagnosis) for fault in faults):
+            missed.append(f"{name}: got {diagnosis.codes()}")
+        if set(diagnosis.codes()) - set().union(*(fault.codes for fault in faults)):
+            besides.append(f"{name}: got {diagnosis.codes()}")
     print(f"{len(cases) - len(missed)}/{len(cases)} named, {len(besides)} with another alarm", *missed, sep="\n  ")
     return len(cases), missed, besides
 
@@ -145,9 +145,9 @@ def test_mount_angles_and_clock_are_estimated_beside_what_is_named(simulated):
     """A sensor turned by 8 deg about its z axis, 0.3 s late: both numbers are told."""
     C = rotation.dcm_from_rpy(np.array([0.0, 0.0, np.radians(8.0)]))
     spoilt = suite._turned(C.T, C.T)(suite._shifted(0.3)(simulated, None), None)
-    found = diagnose(spoilt)
-    assert found.codes() == ("time_offset",), found.summary()
-    estimates = found.estimates
+    diagnosis = diagnose(spoilt)
+    assert diagnosis.codes() == ("time_offset",), diagnosis.summary()
+    estimates = diagnosis.estimates
     # statistical: five of its own standard errors
     assert abs(estimates["time_offset_s"] + 0.3) < 5.0 * estimates["time_offset_sigma_s"] + 0.02
     assert abs(abs(estimates["mount_deg"][2]) - 8.0) < 5.0 * estimates["mount_sigma_deg"][2]

@@ -28,14 +28,14 @@ def good():
 
 
 def test_a_good_drive_raises_no_alarm_and_its_numbers_are_those_of_the_drive(good):
-    found = diagnose(good)
-    assert found.codes() == (), found.summary()
-    assert found.ok
+    diagnosis = diagnose(good)
+    assert diagnosis.codes() == (), diagnosis.summary()
+    assert diagnosis.ok
     # 1-sigma is 5 ms or so: statistical
-    assert abs(found.estimates["time_offset_s"]) < 0.03
-    assert np.abs(found.estimates["mount_deg"]).max() < 2.0
-    assert {what for *_, what in found.segments} == {"static", "moving"}
-    assert any("loosely coupled" in use for use in found.supports)
+    assert abs(diagnosis.estimates["time_offset_s"]) < 0.03
+    assert np.abs(diagnosis.estimates["mount_deg"]).max() < 2.0
+    assert {what for *_, what in diagnosis.segments} == {"static", "moving"}
+    assert any("loosely coupled" in use for use in diagnosis.supports)
 
 
 UNITS = [
@@ -53,22 +53,22 @@ UNITS = [
 def test_wrong_units(good, name, factors, code, fix):
     imu = good.imu
     bad = drives.with_imu(good, accel=imu.accel * factors.get("accel", 1.0), gyro=imu.gyro * factors.get("gyro", 1.0))
-    found = diagnose(bad, quick=True)
-    assert found.codes() == (code,), found.summary()
-    assert fix in found.options()[0]
+    diagnosis = diagnose(bad, quick=True)
+    assert diagnosis.codes() == (code,), diagnosis.summary()
+    assert fix in diagnosis.options()[0]
 
 
 def test_rates_taken_for_increments(good):
-    found = diagnose(drives.with_imu(good, kind="increment"), quick=True)
-    assert found.codes() == ("kind",), found.summary()
-    assert found.options() == ("kind='rate'",)
+    diagnosis = diagnose(drives.with_imu(good, kind="increment"), quick=True)
+    assert diagnosis.codes() == ("kind",), diagnosis.summary()
+    assert diagnosis.options() == ("kind='rate'",)
 
 
 def test_linear_acceleration(good):
     imu = good.imu
     gravity = np.stack([np.convolve(x, np.ones(1001) / 1001, "same") for x in imu.accel.T], axis=1)
-    found = diagnose(drives.with_imu(good, accel=imu.accel - gravity), quick=True)
-    assert "no_gravity" in found.codes()
+    diagnosis = diagnose(drives.with_imu(good, accel=imu.accel - gravity), quick=True)
+    assert "no_gravity" in diagnosis.codes()
 
 
 PROPER = [P for P in signed_permutations() if np.linalg.det(P) > 0.0 and not np.array_equal(P, I3)]
@@ -84,9 +84,9 @@ def test_a_handful_of_readings_without_gravity_is_too_few_to_say_so(samples):
 
 @pytest.mark.parametrize("P", PROPER[::3], ids=[letters(P) for P in PROPER[::3]])
 def test_every_rotation_of_the_sensor_is_named_by_its_letters(good, P):
-    found = diagnose(drives.turned(good, P, P), quick=True)
-    assert found.codes() == ("axes",), found.summary()
-    assert found.options() == (f"axes='{letters(P)}'",)
+    diagnosis = diagnose(drives.turned(good, P, P), quick=True)
+    assert diagnosis.codes() == ("axes",), diagnosis.summary()
+    assert diagnosis.options() == (f"axes='{letters(P)}'",)
 
 
 AXES = [
@@ -106,9 +106,9 @@ AXES = [
 
 @pytest.mark.parametrize(("name", "A", "G", "codes"), AXES, ids=[a[0] for a in AXES])
 def test_wrong_axes_and_signs(good, name, A, G, codes):
-    found = diagnose(drives.turned(good, A, G), quick=True)
-    assert set(found.codes()) <= codes, found.summary()
-    assert found.codes()
+    diagnosis = diagnose(drives.turned(good, A, G), quick=True)
+    assert set(diagnosis.codes()) <= codes, diagnosis.summary()
+    assert diagnosis.codes()
 
 
 def test_the_letters_are_those_of_the_log_not_of_what_the_reader_made_of_it(good):
@@ -129,32 +129,34 @@ CLOCKS = [
 @pytest.mark.parametrize(("seconds", "code"), CLOCKS)
 def test_clocks(good, seconds, code):
     bad = replace(good, imu=good.imu.shifted(seconds))
-    found = diagnose(bad, quick=True)
-    assert found.codes() == (code,), found.summary()
-    offset = found.estimates.get("time_offset_s", found.findings[0].evidence.get("offset_s"))
+    diagnosis = diagnose(bad, quick=True)
+    assert diagnosis.codes() == (code,), diagnosis.summary()
+    offset = diagnosis.estimates.get("time_offset_s", diagnosis.findings[0].evidence.get("offset_s"))
     assert offset == pytest.approx(-seconds, abs=0.03)  # statistical, about 1 sigma of 8 ms
 
 
 def test_a_clock_of_another_rate(good):
     imu = good.imu
-    found = diagnose(drives.with_imu(good, t=imu.t * 1.01), quick=True)
-    assert "clock_drift" in found.codes()
-    assert found.estimates["clock_drift_ppm"] == pytest.approx(-1e4, rel=0.05)
+    diagnosis = diagnose(drives.with_imu(good, t=imu.t * 1.01), quick=True)
+    assert "clock_drift" in diagnosis.codes()
+    assert diagnosis.estimates["clock_drift_ppm"] == pytest.approx(-1e4, rel=0.05)
 
 
 def test_milliseconds_taken_for_seconds(good):
-    found = diagnose(drives.with_imu(good, t=good.imu.t * 1e3), quick=True)
-    assert found.codes() == ("time_unit",)
-    assert found.options() == ("units='t=ms'",)
+    diagnosis = diagnose(drives.with_imu(good, t=good.imu.t * 1e3), quick=True)
+    assert diagnosis.codes() == ("time_unit",)
+    assert diagnosis.options() == ("units='t=ms'",)
 
 
 def test_a_sensor_mounted_askew(good):
     from schuler import rotation
 
     C = rotation.dcm_from_rpy(np.array([[0.0, 0.0, 30.0 * DEG]]))[0].T
-    found = diagnose(drives.turned(good, C, C), quick=True)
-    assert found.codes() == ("mount",)
-    assert found.estimates["mount_deg"] == pytest.approx([0.0, 0.0, 30.0], abs=2.0)  # roads are level to a degree or so
+    diagnosis = diagnose(drives.turned(good, C, C), quick=True)
+    assert diagnosis.codes() == ("mount",)
+    assert diagnosis.estimates["mount_deg"] == pytest.approx(
+        [0.0, 0.0, 30.0], abs=2.0
+    )  # roads are level to a degree or so
 
 
 @pytest.mark.parametrize(("lx", "ly"), [(4.0, 1.0), (2.0, -1.0), (-1.5, 0.0), (0.0, 3.0)])
@@ -171,12 +173,12 @@ def test_an_antenna_far_from_the_imu(good, lx, ly):
     llh[:, :2] += offset / [6.37e6, 6.39e6 * np.cos(drives.LAT)]
     v_n = g.v_n.copy()
     v_n[:, :2] += rate[:, None] * (lx * right - ly * forward)
-    found = diagnose(drives.with_gnss(good, llh=llh, v_n=v_n), quick=True)
-    arm, sigma = (np.array(found.estimates[k]) for k in ("lever_arm_m", "lever_arm_sigma_m"))
-    assert found.codes() == ()
+    diagnosis = diagnose(drives.with_gnss(good, llh=llh, v_n=v_n), quick=True)
+    arm, sigma = (np.array(diagnosis.estimates[k]) for k in ("lever_arm_m", "lever_arm_sigma_m"))
+    assert diagnosis.codes() == ()
     assert np.all(np.abs(arm - [lx, ly]) < 3.0 * sigma), (arm, sigma)
     assert np.all(sigma < 0.5)
-    assert found.estimates["antenna_ahead_of_axle_m"] == pytest.approx(lx, abs=0.5)  # statistical
+    assert diagnosis.estimates["antenna_ahead_of_axle_m"] == pytest.approx(lx, abs=0.5)  # statistical
 
 
 def test_navigation_stops_at_garbage_or_notes_it(good):
@@ -195,8 +197,8 @@ def test_axes_unit_and_clock_wrong_together(good):
     P = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     bad = drives.turned(replace(good, imu=good.imu.shifted(0.5)), P, P)
     bad = drives.with_imu(bad, gyro=bad.imu.gyro / DEG, accel=bad.imu.accel / G0)
-    found = diagnose(bad, quick=True)
-    assert set(found.codes()) == {"axes", "gyro_unit", "accel_unit", "time_offset"}
+    diagnosis = diagnose(bad, quick=True)
+    assert set(diagnosis.codes()) == {"axes", "gyro_unit", "accel_unit", "time_offset"}
 
 
 GNSS = [
@@ -217,9 +219,9 @@ GNSS = [
 
 @pytest.mark.parametrize(("name", "change", "code"), GNSS, ids=[g[0] for g in GNSS])
 def test_wrong_positions_and_velocities(good, name, change, code):
-    found = diagnose(drives.with_gnss(good, **change(good.gnss)), quick=True)
-    assert found.codes() == (code,), found.summary()
-    assert found.options()
+    diagnosis = diagnose(drives.with_gnss(good, **change(good.gnss)), quick=True)
+    assert diagnosis.codes() == (code,), diagnosis.summary()
+    assert diagnosis.options()
 
 
 def test_heights_above_sea_level_beside_a_reference(good):
@@ -227,9 +229,9 @@ def test_heights_above_sea_level_beside_a_reference(good):
     reference = Trajectory.from_geodetic(g.t, g.llh)
     assert diagnose(replace(good, reference=reference)).codes() == ()
     low = replace(drives.with_gnss(good, llh=g.llh - [0, 0, 47.0]), reference=reference)
-    found = diagnose(low)
-    assert found.codes() == ("height_level",)
-    assert found.options() == ("height='msl', geoid_separation=47.0",)
+    diagnosis = diagnose(low)
+    assert diagnosis.codes() == ("height_level",)
+    assert diagnosis.options() == ("height='msl', geoid_separation=47.0",)
 
 
 def _stuck(i):
@@ -281,8 +283,8 @@ SAMPLING = [
 
 @pytest.mark.parametrize(("code", "change"), SAMPLING, ids=[s[0] for s in SAMPLING])
 def test_sampling(good, code, change):
-    found = diagnose(drives.with_imu(good, **change(good.imu)))
-    assert found.codes() == (code,), found.summary()
+    diagnosis = diagnose(drives.with_imu(good, **change(good.imu)))
+    assert diagnosis.codes() == (code,), diagnosis.summary()
 
 
 def _smooth(g, n=25):
@@ -313,14 +315,14 @@ RECEIVER = [
 
 @pytest.mark.parametrize(("code", "change"), RECEIVER, ids=[r[0] for r in RECEIVER])
 def test_receivers(good, code, change):
-    found = diagnose(drives.with_gnss(good, **change(good.gnss)))
-    assert found.codes() == (code,), found.summary()
+    diagnosis = diagnose(drives.with_gnss(good, **change(good.gnss)))
+    assert diagnosis.codes() == (code,), diagnosis.summary()
 
 
 def test_an_outage(good):
     g = good.gnss
-    found = diagnose(replace(good, gnss=g.where((g.t < 100.0) | (g.t > 125.0))))
-    assert found.codes() == ("gnss_gaps",)
+    diagnosis = diagnose(replace(good, gnss=g.where((g.t < 100.0) | (g.t > 125.0))))
+    assert diagnosis.codes() == ("gnss_gaps",)
 
 
 def _poses(rng, wrong=I3, scale=1.0):
@@ -356,28 +358,28 @@ POSES = [
 
 @pytest.mark.parametrize(("name", "wrong", "scale", "codes"), POSES, ids=[p[0] for p in POSES])
 def test_turns_of_gravity_between_rests_tell_the_gyro_without_gnss(name, wrong, scale, codes):
-    found = diagnose(_poses(np.random.default_rng(5), wrong, scale))
-    assert set(found.codes()) <= codes, found.summary()
-    assert bool(found.codes()) == bool(codes)
-    assert any("freepose" in use for use in found.supports)
+    diagnosis = diagnose(_poses(np.random.default_rng(5), wrong, scale))
+    assert set(diagnosis.codes()) <= codes, diagnosis.summary()
+    assert bool(diagnosis.codes()) == bool(codes)
+    assert any("freepose" in use for use in diagnosis.supports)
 
 
 def test_a_log_upside_down_without_motion():
     rng = np.random.default_rng(1)
     f = np.array([0.0, 0, 9.81]) + rng.normal(0, 0.02, (6000, 3))
     imu = ImuSeries(np.arange(6000) / 100.0, rng.normal(0, 0.001, (6000, 3)), f)
-    found = diagnose(Recording(imu=imu))
-    assert found.codes() == ("axes",)
+    diagnosis = diagnose(Recording(imu=imu))
+    assert diagnosis.codes() == ("axes",)
     assert diagnose(Recording(imu=replace(imu, accel=-f))).codes() == ()
 
 
 def test_json_and_summary(good):
-    found = diagnose(drives.with_imu(good, accel=good.imu.accel / G0))
-    data = json.loads(found.to_json())
+    diagnosis = diagnose(drives.with_imu(good, accel=good.imu.accel / G0))
+    data = json.loads(diagnosis.to_json())
     assert data["findings"][0]["code"] == "accel_unit"
     assert data["findings"][0]["evidence"]["factor"] == pytest.approx(
         G0, rel=0.01
     )  # the accelerometer's noise and bias
     assert not data["ok"]
-    assert "units='g" in found.summary()
+    assert "units='g" in diagnosis.summary()
     assert {f["code"] for f in data["findings"]} <= set(CODES)

@@ -39,9 +39,9 @@ def test_a_good_file(write, rows):
 def test_a_refused_unit_is_explained_with_the_refusal_as_a_note(write, rows):
     bad = rows.copy()
     bad[:, 1:4] /= G0
-    found = diagnose_log(write(bad), **HINTS)
-    assert "accel_unit" in found.codes()
-    assert "refused" in found.codes("note")
+    diagnosis = diagnose_log(write(bad), **HINTS)
+    assert "accel_unit" in diagnosis.codes()
+    assert "refused" in diagnosis.codes("note")
 
 
 def test_degrees_a_second_read_as_radians_beyond_every_limit(write, rows):
@@ -63,9 +63,9 @@ def test_repeated_and_swapped_rows(write, rows):
 def test_rows_without_numbers(write, rows):
     bad = rows.copy()
     bad[[30, 900], 2] = np.nan
-    found = diagnose_log(write(bad), **HINTS)
-    assert "missing" in found.codes()
-    assert found.findings[0].evidence["rows"] == 2
+    diagnosis = diagnose_log(write(bad), **HINTS)
+    assert "missing" in diagnosis.codes()
+    assert diagnosis.findings[0].evidence["rows"] == 2
 
 
 def _gnss_rows(gnss, lat, lon):
@@ -84,12 +84,12 @@ def test_positions_the_reader_refuses(write, rows, tmp_path, case, code):
     np.savetxt(tmp_path / "gnss.csv", _gnss_rows(gnss, lat, lon), delimiter=",", fmt="%.12g")
     write(rows, "imu.csv")
     columns = "t,lat,lon,h,sn,se,sd,vn,ve,vd,svn,sve,svd"
-    found = diagnose_log(
+    diagnosis = diagnose_log(
         tmp_path,
         imu={"file": "imu.csv", **HINTS},
         gnss={"file": "gnss.csv", "columns": columns, "units": "angle=deg", "height": "ellipsoidal"},
     )
-    assert found.codes() == code, found.summary()
+    assert diagnosis.codes() == code, diagnosis.summary()
 
 
 def test_a_file_that_cannot_be_read_and_one_that_is_not_there(tmp_path):
@@ -122,25 +122,25 @@ DRIVE = {
 
 @pytest.mark.realdata
 def test_the_drive_as_its_readme_says_raises_no_alarm(shared_data):
-    found = diagnose_log(shared_data / "rtkexp_drive", **DRIVE)
-    assert found.codes() == (), found.summary()
+    diagnosis = diagnose_log(shared_data / "rtkexp_drive", **DRIVE)
+    assert diagnosis.codes() == (), diagnosis.summary()
     # mount of its README, less the axes: roll -0.6, pitch -6.8, yaw 5.4 deg; the estimate is good to 1 deg
-    assert found.estimates["mount_deg"] == pytest.approx([-0.6, -6.8, 5.4], abs=1.5)
+    assert diagnosis.estimates["mount_deg"] == pytest.approx([-0.6, -6.8, 5.4], abs=1.5)
 
 
 @pytest.mark.realdata
 def test_the_traps_of_the_drive(shared_data):
     imu = {"file": "imu_gpst.csv", "time": "gps-tow:2374", "axes": "FLU"}
-    found = diagnose_log(shared_data / "rtkexp_drive", imu=imu, gnss={"file": "gnss_1934_sf.pos"})
-    assert found.codes() == ("axes", "time_offset", "height_level")
+    diagnosis = diagnose_log(shared_data / "rtkexp_drive", imu=imu, gnss={"file": "gnss_1934_sf.pos"})
+    assert diagnosis.codes() == ("axes", "time_offset", "height_level")
     # its README: -0.125 s, by others' tuning; here positions say -0.205 and velocities -0.072
-    assert found.estimates["time_offset_s"] == pytest.approx(-0.125, abs=0.04)
-    assert "axes='BRU'" in found.options()
+    assert diagnosis.estimates["time_offset_s"] == pytest.approx(-0.125, abs=0.04)
+    assert "axes='BRU'" in diagnosis.options()
 
 
 @pytest.mark.realdata
 def test_heights_of_the_walk_are_above_sea_level_by_its_own_satellites(shared_data):
-    found = diagnose_log(
+    diagnosis = diagnose_log(
         shared_data / "rtkexp_walk",
         imu={"file": "imu_gpst.csv", "time": "gps-tow:2381", "axes": "LBU"},
         gnss={"file": "gnss_1730_sf.pos"},
@@ -148,26 +148,26 @@ def test_heights_of_the_walk_are_above_sea_level_by_its_own_satellites(shared_da
         ephemerides={"file": "gnss_1730.nav"},
     )
     # a third of its samples are held, which is so
-    assert set(found.codes()) == {"height_level", "repeated"}
-    level = next(f for f in found.findings if f.code == "height_level")
+    assert set(diagnosis.codes()) == {"height_level", "repeated"}
+    level = next(f for f in diagnosis.findings if f.code == "height_level")
     assert level.evidence["difference_m"] == pytest.approx(17.0, abs=2.0)  # single points: metres
 
 
 @pytest.mark.realdata
 def test_the_axes_of_a_vehicle_that_goes_along_minus_y(shared_data):
     """The PSINS log is turned from RFU by its reader; examples/psins_tc.toml says the mount that is left, 90 deg."""
-    found = diagnose_log(shared_data / "psins_tc" / "insgpseo_tc.mat")
-    assert found.codes() == ("axes",)
+    diagnosis = diagnose_log(shared_data / "psins_tc" / "insgpseo_tc.mat")
+    assert diagnosis.codes() == ("axes",)
 
 
 @pytest.mark.realdata
 def test_increments_read_as_rates(shared_data):
     path = shared_data / "psins_tc" / "insgpseo_tc.mat"
-    found = diagnose_log(path, variable="imu", columns="gx,gy,gz,ax,ay,az,t", units="m/s^2,rad/s")
-    assert found.codes()[0] == "kind", found.summary()
-    found = diagnose_log(path, variable="imu", columns="gx,gy,gz,ax,ay,az,t", units="m/s,rad", kind="increment")
-    assert found.codes() == ("axes",)  # up, right, forward read as forward, right, down: z points up
-    assert "RFU" in found.options()[0]
+    diagnosis = diagnose_log(path, variable="imu", columns="gx,gy,gz,ax,ay,az,t", units="m/s^2,rad/s")
+    assert diagnosis.codes()[0] == "kind", diagnosis.summary()
+    diagnosis = diagnose_log(path, variable="imu", columns="gx,gy,gz,ax,ay,az,t", units="m/s,rad", kind="increment")
+    assert diagnosis.codes() == ("axes",)  # up, right, forward read as forward, right, down: z points up
+    assert "RFU" in diagnosis.options()[0]
 
 
 @pytest.mark.realdata
@@ -178,5 +178,5 @@ def test_walks_with_a_sensor_on_the_shoe(shared_data, name):
     trial = read_pyshoe(shared_data / "pyshoe_vicon" / f"{name}.mat")
     from schuler.diagnosis.run import diagnose
 
-    found = diagnose(trial.recording)
-    assert found.ok, found.summary()
+    diagnosis = diagnose(trial.recording)
+    assert diagnosis.ok, diagnosis.summary()

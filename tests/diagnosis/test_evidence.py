@@ -38,8 +38,8 @@ def flat():
     return replace(schuler.simulate(scenario), reference=None)
 
 
-def untold(found):
-    return " ".join(f.text for f in found.findings if f.code == "unchecked")
+def untold(diagnosis):
+    return " ".join(f.text for f in diagnosis.findings if f.code == "unchecked")
 
 
 def test_many_shifts_at_once_are_each_of_them_by_itself(good):
@@ -74,17 +74,17 @@ def test_the_roll_axis_of_the_gyro_is_seen_in_turns_on_a_slope():
 def test_on_a_flat_road_it_is_said_that_the_roll_axis_cannot_be_judged(flat):
     bad = suite.apply(flat, (suite.BY_NAME["gyro's x reversed"],), None)
     for recording in (flat, bad):
-        found = diagnose(recording)
-        assert found.codes() == ()
-        assert "the gyro's roll axis (nothing rolled, nor turned on a slope)" in untold(found)
+        diagnosis = diagnose(recording)
+        assert diagnosis.codes() == ()
+        assert "the gyro's roll axis (nothing rolled, nor turned on a slope)" in untold(diagnosis)
 
 
 def test_a_smoothed_solution_shows_in_changes_of_speed_where_turns_are_slow(flat):
     rng = np.random.default_rng(1)
     smoothed = suite.apply(flat, (suite.BY_NAME["GNSS smoothed"],), rng)
-    found = diagnose(smoothed)
-    assert found.codes() == ("gnss_smoothed",)
-    assert found.findings[0].evidence["gain"] < 0.2
+    diagnosis = diagnose(smoothed)
+    assert diagnosis.codes() == ("gnss_smoothed",)
+    assert diagnosis.findings[0].evidence["gain"] < 0.2
 
 
 def test_a_pause_of_the_log_is_no_smoothing(good):
@@ -95,8 +95,8 @@ def test_a_pause_of_the_log_is_no_smoothing(good):
 
 def test_a_stuck_axis_of_a_log_that_holds_its_samples(good):
     both = [suite.BY_NAME["gyro stuck for 4 s"], suite.BY_NAME["held"]]
-    found = diagnose(suite.apply(good, both, np.random.default_rng(3)))
-    assert set(found.codes()) == {"stuck", "repeated"}
+    diagnosis = diagnose(suite.apply(good, both, np.random.default_rng(3)))
+    assert set(diagnosis.codes()) == {"stuck", "repeated"}
 
 
 def test_an_axis_rounded_to_one_step_is_not_called_dead():
@@ -122,8 +122,8 @@ def test_a_temperature_no_sensor_follows_gives_the_stamps_away(good):
     n = len(good.imu)
     imu = replace(good.imu, temperature=np.linspace(-20.0, 70.0, n))
     assert check_temperature(imu) == []  # half a kelvin a second
-    (found,) = check_temperature(replace(imu, t=imu.t / 10.0))
-    assert (found.code, found.severity) == ("time_unit", "warning")
+    (diagnosis,) = check_temperature(replace(imu, t=imu.t / 10.0))
+    assert (diagnosis.code, diagnosis.severity) == ("time_unit", "warning")
     assert check_temperature(replace(imu, t=imu.t / 10.0, temperature=np.full(n, 30.0))) == []
 
 

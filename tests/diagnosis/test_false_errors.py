@@ -80,10 +80,10 @@ def test_cuts_that_were_taken_for_wrong_raise_no_error(shared_data, number, name
 
 def test_a_wrong_clock_is_sure_where_both_halves_say_so_and_stops(good):
     late = replace(good, imu=good.imu.shifted(2.0))
-    (found,) = diagnose(late).errors
-    assert found.code == "time_offset"
-    assert found.confidence >= SURE
-    assert min(found.evidence["lead_log_likelihood"]) > 20.0
+    (finding,) = diagnose(late).errors
+    assert finding.code == "time_offset"
+    assert finding.confidence >= SURE
+    assert min(finding.evidence["lead_log_likelihood"]) > 20.0
     with pytest.raises(InputError, match="time_offset"):
         checked(late)
 
@@ -92,8 +92,8 @@ def test_a_clock_wrong_in_one_half_only_warns(good):
     """Half of the log is moved by hand: no clock does that."""
     imu, middle = good.imu, float(np.median(good.imu.t))
     t = np.concatenate((imu.t[imu.t <= middle], imu.t[imu.t > middle] + 2.0))
-    found = diagnose(drives.with_imu(good, t=t), quick=True)
-    assert not [f for f in found.errors if f.code == "time_offset"], found.summary()
+    judged = diagnose(drives.with_imu(good, t=t), quick=True)
+    assert not [f for f in judged.errors if f.code == "time_offset"], judged.summary()
 
 
 def test_a_second_off_is_a_warning_where_a_body_sways_against_its_course(good):
@@ -102,10 +102,10 @@ def test_a_second_off_is_a_warning_where_a_body_sways_against_its_course(good):
     assert [f.severity for f in diagnose(late, quick=True).findings if f.code == "time_offset"] == ["error"]
     phase = np.cumsum(np.random.default_rng(1).uniform(0.5, 2.0, len(good.imu.t))) * good.imu.interval
     sway = 4.0 * np.stack([np.sin(phase), np.cos(1.3 * phase), 0.0 * phase], axis=1)
-    found = diagnose(drives.with_imu(late, accel=good.imu.accel + sway), quick=True)
-    (offset,) = [f for f in found.findings if f.code == "time_offset"]
+    judged = diagnose(drives.with_imu(late, accel=good.imu.accel + sway), quick=True)
+    (offset,) = [f for f in judged.findings if f.code == "time_offset"]
     assert offset.severity == "warning"
-    assert found.estimates["time_offset_sigma_s"] >= 0.4
+    assert judged.estimates["time_offset_sigma_s"] >= 0.4
     assert "1-sigma 0.4" in offset.text
 
 
@@ -144,9 +144,9 @@ def test_fixes_that_are_held_delay_nothing(good):
     g = good.gnss
     k = np.arange(len(g)) // 5 * 5
     held = replace(g, llh=g.llh[k], v_n=g.v_n[k])
-    found = diagnose(replace(good, gnss=held))
-    assert found.codes() == ("gnss_repeated",), found.summary()
-    assert abs(found.estimates["time_offset_s"]) < 0.1  # delays of 0.4 s if all were used
+    judged = diagnose(replace(good, gnss=held))
+    assert judged.codes() == ("gnss_repeated",), judged.summary()
+    assert abs(judged.estimates["time_offset_s"]) < 0.1  # delays of 0.4 s if all were used
     assert len(position_velocity(held)[0]) == len(np.unique(k)) - 1
 
 
@@ -216,9 +216,9 @@ def test_a_running_foot_has_the_unit_it_is_said_to_have():
 @pytest.mark.parametrize("factor", [1 / 9.80665, 1000 / 9.80665, 800.0])
 def test_a_running_foot_in_other_units_is_named(factor):
     f, w = _running()
-    found = diagnose(_log(f * factor, w, 200.0))
-    assert "accel_unit" in found.codes(), found.summary()
-    assert not any("scale='accel=0" in fix or "scale='accel=1" in fix for fix in found.options())
+    judged = diagnose(_log(f * factor, w, 200.0))
+    assert "accel_unit" in judged.codes(), judged.summary()
+    assert not any("scale='accel=0" in fix or "scale='accel=1" in fix for fix in judged.options())
 
 
 def test_a_log_turned_by_hand_is_not_upside_down():
@@ -242,8 +242,8 @@ def test_a_knock_that_stops_all_axes_is_no_spike(good, size):
         w[k] += size * 0.5 * np.array([-1.0, 0.6, 0.9])
     assert "spikes" not in diagnose(drives.with_imu(good, accel=f, gyro=w)).codes()
     f[11000, 1] += 90.0
-    found = diagnose(drives.with_imu(good, accel=f, gyro=w))
-    spikes = next(x for x in found.warnings if x.code == "spikes")
+    judged = diagnose(drives.with_imu(good, accel=f, gyro=w))
+    spikes = next(x for x in judged.warnings if x.code == "spikes")
     assert spikes.evidence["samples"] == 1
     assert "delete" not in spikes.fix
 
@@ -251,9 +251,9 @@ def test_a_knock_that_stops_all_axes_is_no_spike(good, size):
 @pytest.mark.realdata
 @pytest.mark.parametrize("unit", [0, 1])
 def test_knocks_of_a_rig_turned_by_hand_are_no_spikes(shared_data, unit):
-    found = diagnose(campaign._loaders()[f"mikoff_mpu9150/{unit}"]())
-    assert not {"spikes", "axes"} & set(found.codes()), found.summary()
-    assert found.ok
+    judged = diagnose(campaign._loaders()[f"mikoff_mpu9150/{unit}"]())
+    assert not {"spikes", "axes"} & set(judged.codes()), judged.summary()
+    assert judged.ok
 
 
 # ----------------------------------------------------------------------------------------------------------- stamps
@@ -267,26 +267,26 @@ def _jittered(n=20_000, rate=97.6, seed=0):
 def test_the_rate_offered_for_stamps_that_jitter_is_the_true_one():
     """Statistical: stamps off by a quarter of an interval give it to 1e-6 over 20 000 samples."""
     t = _jittered()
-    (found,) = check_times(t)
-    assert found.code == "jitter"
-    assert found.evidence["rate_hz"] == pytest.approx(97.6, rel=1e-5)
-    assert f"say rate={found.evidence['rate_hz']:.6g}" in found.fix
+    (finding,) = check_times(t)
+    assert finding.code == "jitter"
+    assert finding.evidence["rate_hz"] == pytest.approx(97.6, rel=1e-5)
+    assert f"say rate={finding.evidence['rate_hz']:.6g}" in finding.fix
 
 
 @pytest.mark.parametrize("lost", [3, 50])
 def test_no_rate_is_offered_that_would_hide_a_gap(lost):
     t = np.delete(_jittered(), np.arange(9000, 9000 + lost))
     assert counted_rate(t)[0] is None
-    found = next(f for f in check_times(t) if f.code == "jitter")
-    assert "rate=" not in found.fix
+    finding = next(f for f in check_times(t) if f.code == "jitter")
+    assert "rate=" not in finding.fix
 
 
 def test_a_clock_of_another_rate_is_offered_the_rate_of_its_samples(good):
     """100 Hz whose stamps run one per cent fast and jitter, so that the median step is not the mean."""
     rng = np.random.default_rng(5)
     t = np.sort(good.imu.t + 0.01 * rng.choice([-0.4, 0.0, 0.3], len(good.imu)))
-    found = diagnose(drives.with_imu(good, t=t * 1.01))
-    drift = next(f for f in found.warnings if f.code == "clock_drift")
+    judged = diagnose(drives.with_imu(good, t=t * 1.01))
+    drift = next(f for f in judged.warnings if f.code == "clock_drift")
     assert float(drift.fix.split()[0].partition("=")[2]) == pytest.approx(100.0, rel=1e-3)  # of a drift to 1e-3
 
 
@@ -297,19 +297,19 @@ def test_what_is_merely_likely_warns_and_says_what_it_would_do():
     likely = Finding("gyro_sign", "error", "maybe", 0.9, "scale='gyro=-1'")
     sure = Finding("gyro_unit", "error", "surely", 0.99)
     worse = Finding("jitter", "warning", "a little", 0.9)
-    found = Diagnosis("log", (worse, likely, sure))
-    assert [f.code for f in found.errors] == ["gyro_unit"]
-    assert [(f.code, f.consequence) for f in found.warnings] == [("gyro_sign", "garbage"), ("jitter", "worse")]
-    assert "warning gyro_sign [90 % likely; garbage if so]" in found.summary()
-    assert "error gyro_unit [99 % likely]" in found.summary()
-    assert "warning jitter [90 % likely]" in found.summary()
-    data = {f["code"]: f for f in json.loads(found.to_json())["findings"]}
+    finding = Diagnosis("log", (worse, likely, sure))
+    assert [f.code for f in finding.errors] == ["gyro_unit"]
+    assert [(f.code, f.consequence) for f in finding.warnings] == [("gyro_sign", "garbage"), ("jitter", "worse")]
+    assert "warning gyro_sign [90 % likely; garbage if so]" in finding.summary()
+    assert "error gyro_unit [99 % likely]" in finding.summary()
+    assert "warning jitter [90 % likely]" in finding.summary()
+    data = {f["code"]: f for f in json.loads(finding.to_json())["findings"]}
     assert (data["gyro_sign"]["severity"], data["gyro_sign"]["if_so"], data["gyro_sign"]["confidence"]) == (
         "warning", "garbage", 0.9,
     )  # fmt: skip
     assert Diagnosis("log", (likely,)).require().ok
     with pytest.raises(InputError, match="surely"):
-        found.require()
+        finding.require()
 
 
 @pytest.mark.parametrize(

@@ -21,9 +21,9 @@ pytestmark = pytest.mark.realdata
 @pytest.mark.parametrize("name", GOOD)
 def test_good_recordings_raise_no_alarm(shared_data, name):
     options, so_it_is = GOOD[name]
-    found = diagnose_log(shared_data / name.partition("#")[0], **options)
-    assert found.codes() == so_it_is, found.summary()
-    assert found.ok
+    diagnosis = diagnose_log(shared_data / name.partition("#")[0], **options)
+    assert diagnosis.codes() == so_it_is, diagnosis.summary()
+    assert diagnosis.ok
 
 
 #: Estimators' references, and files of ephemerides and orbits.
@@ -56,16 +56,16 @@ def _drive(shared_data, imu=(), gnss=()):
 
 
 def test_trap_heights_of_rtklib_above_sea_level(shared_data):
-    found = _drive(shared_data, gnss={"height": None, "geoid_separation": None})
-    assert found.codes() == ("height_level",)
-    assert any("height='msl'" in option for option in found.options())
+    diagnosis = _drive(shared_data, gnss={"height": None, "geoid_separation": None})
+    assert diagnosis.codes() == ("height_level",)
+    assert any("height='msl'" in option for option in diagnosis.options())
 
 
 def test_trap_a_clock_an_eighth_of_a_second_late(shared_data):
-    found = _drive(shared_data, imu={"offset": 0.0})
-    assert found.codes() == ("time_offset",)
+    diagnosis = _drive(shared_data, imu={"offset": 0.0})
+    assert diagnosis.codes() == ("time_offset",)
     # others' tuning: -0.125 s; the estimate is between what positions and velocities say, 0.13 s apart
-    assert found.estimates["time_offset_s"] == pytest.approx(-0.125, abs=0.04)
+    assert diagnosis.estimates["time_offset_s"] == pytest.approx(-0.125, abs=0.04)
 
 
 def test_the_option_for_a_clock_counts_what_was_added_already(shared_data):
@@ -74,8 +74,8 @@ def test_the_option_for_a_clock_counts_what_was_added_already(shared_data):
 
 
 def test_trap_axes_of_the_drive(shared_data):
-    found = _drive(shared_data, imu={"axes": "FLU"})
-    assert (found.codes(), found.options()) == (("axes",), ("axes='BRU'",))
+    diagnosis = _drive(shared_data, imu={"axes": "FLU"})
+    assert (diagnosis.codes(), diagnosis.options()) == (("axes",), ("axes='BRU'",))
 
 
 @pytest.mark.parametrize(
@@ -88,11 +88,11 @@ def test_trap_axes_of_the_drive(shared_data):
 )
 def test_trap_increments_right_forward_up(shared_data, how, codes):
     path = shared_data / "psins_tc" / "insgpseo_tc.mat"
-    found = diagnose_log(path, variable="imu", columns="gx,gy,gz,ax,ay,az,t", **how)
-    assert set(found.codes()) <= set(codes), found.summary()
-    assert found.codes()[:1] == codes[:1]
+    diagnosis = diagnose_log(path, variable="imu", columns="gx,gy,gz,ax,ay,az,t", **how)
+    assert set(diagnosis.codes()) <= set(codes), diagnosis.summary()
+    assert diagnosis.codes()[:1] == codes[:1]
     if codes == ("axes",):
-        assert "RFU" in found.options()[0]
+        assert "RFU" in diagnosis.options()[0]
 
 
 def test_trap_noise_added_to_positions(shared_data):
@@ -101,35 +101,35 @@ def test_trap_noise_added_to_positions(shared_data):
     rng = np.random.default_rng(4)
     g = drive.gnss
     step = rng.normal(0.0, 1.0, g.llh.shape) * [1.0 / 6.36e6, 1.0 / 4.89e6, 1.0]
-    found = diagnose(replace(drive, gnss=replace(g, llh=g.llh + step)))
-    assert found.codes() == ("gnss_noise",)
-    level = next(f for f in found.findings if f.code == "gnss_noise")
+    diagnosis = diagnose(replace(drive, gnss=replace(g, llh=g.llh + step)))
+    assert diagnosis.codes() == ("gnss_noise",)
+    level = next(f for f in diagnosis.findings if f.code == "gnss_noise")
     assert "noise added by a program" in level.text
     assert np.allclose(level.evidence["noise_m"], 1.0, atol=0.15)  # statistical
 
 
 def test_trap_stamps_of_the_thermal_chamber(shared_data):
     options, _ = GOOD["imu_thermal/imu_raw_data.csv"]
-    found = diagnose_log(shared_data / "imu_thermal" / "imu_raw_data.csv", **options)
-    assert "within 4.24 s" in found.findings[0].text
+    diagnosis = diagnose_log(shared_data / "imu_thermal" / "imu_raw_data.csv", **options)
+    assert "within 4.24 s" in diagnosis.findings[0].text
 
 
 def test_a_folder_whose_clocks_nobody_stated(shared_data):
     """Its stamps are seconds of the GPS week, which the motion tells; the rest is judged on that clock."""
-    found = diagnose_log(shared_data / "rtkexp_drive")
-    assert found.codes() == ("clock_unknown", "axes", "time_offset", "height_level")
-    assert found.options()[0].startswith("time='gps-tow:2374'")
-    mended = found.options()[0].split("'")[1]
+    diagnosis = diagnose_log(shared_data / "rtkexp_drive")
+    assert diagnosis.codes() == ("clock_unknown", "axes", "time_offset", "height_level")
+    assert diagnosis.options()[0].startswith("time='gps-tow:2374'")
+    mended = diagnosis.options()[0].split("'")[1]
     assert "clock_unknown" not in _drive(shared_data, imu={"time": mended}).codes()
 
 
 def test_a_counter_of_milliseconds_beside_gps_time(shared_data):
     """The raw log of the drive: its counter and GPS share no number, but the same motion."""
     imu = {"file": "imu_1934.csv", "columns": "ax,ay,az,gx,gy,gz,t", "units": "g,deg/s,ms", "axes": "BRU"}
-    found = diagnose_log(shared_data / "rtkexp_drive", imu=imu, gnss=drives.REAL["gnss"])
-    assert found.codes() == ("clock_unknown",)
-    assert found.findings[0].confidence > SURE
-    time, offset = (part.partition("=")[2] for part in found.options()[0].removesuffix(" for the IMU").split(", "))
+    diagnosis = diagnose_log(shared_data / "rtkexp_drive", imu=imu, gnss=drives.REAL["gnss"])
+    assert diagnosis.codes() == ("clock_unknown",)
+    assert diagnosis.findings[0].confidence > SURE
+    time, offset = (part.partition("=")[2] for part in diagnosis.options()[0].removesuffix(" for the IMU").split(", "))
     stated = imu | {"time": time.strip("'"), "offset": float(offset)}
     again = diagnose_log(shared_data / "rtkexp_drive", imu=stated, gnss=drives.REAL["gnss"])
     assert again.codes() == (), again.summary()

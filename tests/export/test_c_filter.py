@@ -118,10 +118,10 @@ def written(folder, layout, log, schedule, initial, options=None, psd=PSD):
 )
 def test_c_is_the_filter_for_every_layout(tmp_path, name):
     log, schedule, initial = run_of(LAYOUTS[name])
-    found = c_programs.replay(c_programs.program(written(tmp_path, LAYOUTS[name], log, schedule, initial)))
-    assert found["samples"] == len(log)
-    assert found["compared"] == 30
-    assert found["measurements"] > 450
+    replayed = c_programs.replay(c_programs.program(written(tmp_path, LAYOUTS[name], log, schedule, initial)))
+    assert replayed["samples"] == len(log)
+    assert replayed["compared"] == 30
+    assert replayed["measurements"] > 450
 
 
 def test_c_propagates_at_every_sample_with_noise_by_axis(tmp_path):
@@ -224,9 +224,9 @@ def test_single_precision_stays_near(tmp_path):
     """Rounding of 6e-8 a step over half a minute: root mean square below 0.01 sigma, sigmas to a hundredth."""
     log, schedule, initial = run_of(LAYOUTS["15"])
     folder = written(tmp_path, LAYOUTS["15"], log, schedule, initial)
-    found = c_programs.replay(c_programs.program(folder, "-O1", "-DSCH_FLOAT"), 0.01)
-    assert found["states"] > 1e-6  # it is another precision
-    assert found["sigmas"] < 0.01
+    replayed = c_programs.replay(c_programs.program(folder, "-O1", "-DSCH_FLOAT"), 0.01)
+    assert replayed["states"] > 1e-6  # it is another precision
+    assert replayed["sigmas"] < 0.01
 
 
 def test_other_compilers_take_it(tmp_path):
@@ -361,7 +361,7 @@ def test_an_hour_of_a_car(tmp_path):
     folder = written(tmp_path, layout, log, schedule, initial)
     fused = c_programs.fusing()
     for flags, limit in ((("-O2",), 2e-9), *([(("-O2", *fused), 1e-9)] if fused else [])):
-        found = c_programs.replay(c_programs.program(folder, *flags), limit)
-        assert found["compared"] == 3600
-        assert found["judged_differently"] == 0
+        replayed = c_programs.replay(c_programs.program(folder, *flags), limit)
+        assert replayed["compared"] == 3600
+        assert replayed["judged_differently"] == 0
     c_programs.replay(c_programs.program(folder, "-O2", "-DSCH_FLOAT"), 0.1)

@@ -32,12 +32,12 @@ def config(tmp_path, monkeypatch):
 
 def test_without_a_log_a_simulated_drive_makes_the_vector(config, capsys):
     """The folder compiles and checks itself by make, in both precisions."""
-    found = answer(capsys, "export", "c", "--config", config, "--out", "nav", "--seconds", "20", "--json")
-    assert found["states"] == 18
-    assert found["rate_hz"] == pytest.approx(100.0)
-    assert found["samples_to_a_propagation"] == 10
-    assert set(found["files"]) > MADE
-    assert {p.name for p in (config.parent / "nav").iterdir()} - {".schuler.json"} == set(found["files"])
+    data = answer(capsys, "export", "c", "--config", config, "--out", "nav", "--seconds", "20", "--json")
+    assert data["states"] == 18
+    assert data["rate_hz"] == pytest.approx(100.0)
+    assert data["samples_to_a_propagation"] == 10
+    assert set(data["files"]) > MADE
+    assert {p.name for p in (config.parent / "nav").iterdir()} - {".schuler.json"} == set(data["files"])
     c_programs.compiler("cc")
     make = c_programs.compiler("make")
     environment = {**os.environ, "CFLAGS": "-O0"}
@@ -56,10 +56,8 @@ def test_a_log_makes_the_vector(config, capsys):
         '[imu]\nrate_hz = 50.0\ncatalogue = "MTi-G-710"\n[gnss]\nlever_arm_m = [0.8, 0.0, -1.2]\n[odometer]\n'
     )
     assert run(capsys, "simulate", town, "--out", "town.parquet")[0] == 0
-    found = answer(
-        capsys, "export", "c", "town.parquet", "--config", config, "--out", "nav", "--seconds", "5", "--json"
-    )
-    assert (found["rate_hz"], found["samples_to_a_propagation"]) == (pytest.approx(50.0), 5)
+    data = answer(capsys, "export", "c", "town.parquet", "--config", config, "--out", "nav", "--seconds", "5", "--json")
+    assert (data["rate_hz"], data["samples_to_a_propagation"]) == (pytest.approx(50.0), 5)
     c_programs.replay(c_programs.program(config.parent / "nav"))
     refused = refusal(capsys, "export", "c", "town.parquet", "--config", config, "--out", "b", "--rate-hz", "100")
     assert "the log says the sample rate" in refused
@@ -108,10 +106,10 @@ def test_a_car_on_the_road(shared_data, tmp_path, capsys):
     Rounding of 1e-9 m in Earth-fixed coordinates is 1e-7 of its fixes, which are good to a centimetre: 1e-6 sigma.
     """
     example = c_programs.ROOT / "examples" / "rtkexp_drive.toml"
-    found = answer(
+    data = answer(
         capsys, "export", "c", shared_data / "rtkexp_drive", "--config", example, "--out", tmp_path / "nav",
         "--without", "zero_rate", "--seconds", "120", "--json",
     )  # fmt: skip
-    assert found["states"] == 29
+    assert data["states"] == 29
     replayed = c_programs.replay(c_programs.program(tmp_path / "nav", "-O2"), 1e-6)
     assert (replayed["compared"], replayed["judged_differently"]) == (120, 0)

@@ -133,9 +133,9 @@ def test_fixes_that_scatter_are_noisier_than_they_say(drive_case):
 def test_noise_of_the_imu_follows_innovations_within_bounds(drive_case):
     """Stated 30 times too small, positions only."""
     log, schedule, initial, _ = setup(drive_case, velocity=False, rough=30.0)
-    told = run(log, schedule, initial, LAYOUT, *NOISE)
-    assert 4.0 < told.noise_factors[0] <= 1000.0
-    assert told.noise_factors[1] == 1.0
+    outcome = run(log, schedule, initial, LAYOUT, *NOISE)
+    assert 4.0 < outcome.noise_factors[0] <= 1000.0
+    assert outcome.noise_factors[1] == 1.0
     off = run(log, schedule, initial, LAYOUT, *NOISE, FilterOptions(adaptive=False))
     assert off.noise_factors == (1.0, 1.0, 1.0)
 

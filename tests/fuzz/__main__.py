@@ -53,9 +53,9 @@ def main(words: list[str]) -> int:
 def _small(name: str, seed: int) -> int:
     from tests.fuzz import targets
 
-    file, data, said = campaign.smallest(name, seed)
-    print(f"{len(data)} bytes, {said or 'nothing is found any more'}")
-    if said:
+    file, data, message = campaign.smallest(name, seed)
+    print(f"{len(data)} bytes, {message or 'nothing is found any more'}")
+    if message:
         path = targets.CORPUS / name / f"seed-{seed}--{file}"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)

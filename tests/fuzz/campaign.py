@@ -86,14 +86,14 @@ def signature(name: str, error: BaseException) -> str:
     ours = [f for f in frames if "/schuler/" in f.filename and not f.filename.endswith("dispatch.py")]
     where = ours[-1] if ours else frames[-1]
     place = f"{where.filename.rsplit('/schuler/', 1)[-1]}:{where.lineno}"
-    said = str(error)
-    if said.startswith("impossible"):
-        said = said.partition(":")[0] + ":" + said.partition(":")[2].partition(":")[0]
+    message = str(error)
+    if message.startswith("impossible"):
+        message = message.partition(":")[0] + ":" + message.partition(":")[2].partition(":")[0]
         place = name
-    elif "no answer" not in said:
-        said = said.splitlines()[0][:60] if said else ""
-        said = "".join("#" if c.isdigit() else c for c in said)
-    return f"{type(error).__name__} in {place}: {said}"
+    elif "no answer" not in message:
+        message = message.splitlines()[0][:60] if message else ""
+        message = "".join("#" if c.isdigit() else c for c in message)
+    return f"{type(error).__name__} in {place}: {message}"
 
 
 def work(name: str, first: int, count: int, cpu_s: float, limit_s: float, at: Any, report: Connection) -> None:
@@ -211,16 +211,16 @@ class _Worker:
 
     def poll(self, campaign: Campaign) -> list[Finding]:
         """What it found since; its counts go to the campaign."""
-        found = []
+        problems = []
         count = campaign.counts[self.name]
         with suppress(EOFError, OSError):
             while self.pipe.poll():
-                kind, told = self.pipe.recv()
+                kind, notice = self.pipe.recv()
                 if kind == "finding":
-                    found.append(Finding(**told))
+                    problems.append(Finding(**notice))
                     continue
-                self.ended, self.next_seed = True, self.first + told[0]
-                for key, value in zip(("cases", "opened", "refused", "cpu_s"), told, strict=True):
+                self.ended, self.next_seed = True, self.first + notice[0]
+                for key, value in zip(("cases", "opened", "refused", "cpu_s"), notice, strict=True):
                     setattr(count, key, getattr(count, key) + value)
         seed = self.at.value
         if seed != self.seen:
@@ -229,13 +229,13 @@ class _Worker:
         if self.ended:
             self.process.join()
         elif not alive or time.monotonic() - self.since > SILENT_S:
-            said = "no end" if alive else f"the process ended with code {self.process.exitcode}"
+            message = "no end" if alive else f"the process ended with code {self.process.exitcode}"
             self.process.kill()
             self.process.join()
-            found.append(Finding(self.name, seed, f"{said} in a library, {self.name}", ""))
+            problems.append(Finding(self.name, seed, f"{message} in a library, {self.name}", ""))
             count.cases += seed - self.first + 1
             self.ended, self.next_seed = True, seed + 1
-        return found
+        return problems
 
 
 def smallest(name: str, seed: int, seconds: float = 12.0) -> tuple[str, bytes, str]:

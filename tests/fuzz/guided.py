@@ -33,7 +33,7 @@ guided.body(*sys.argv[1:])
 """
 
 
-def body(name: str, told: str, *options: str) -> None:
+def body(name: str, notice: str, *options: str) -> None:
     """The process of a target: runs until libFuzzer's options end it, findings go to a file."""
     campaign._own_paths()
     import random
@@ -67,9 +67,9 @@ def body(name: str, told: str, *options: str) -> None:
             except BaseException as error:
                 key = campaign.signature(name, error)
                 if key not in findings:
-                    found = campaign.Finding(name, count, key, repr(data[1:])[:3000])
-                    findings[key] = found
-                    with Path(told).open("a") as stream:
+                    problem = campaign.Finding(name, count, key, repr(data[1:])[:3000])
+                    findings[key] = problem
+                    with Path(notice).open("a") as stream:
                         stream.write(json.dumps({"signature": key, "member": data[0], "hex": data[1:].hex()}) + "\n")
 
         def change(data: bytes, most: int, seed: int) -> bytes:
@@ -88,18 +88,18 @@ def body(name: str, told: str, *options: str) -> None:
 
 def run(names: list[str], *, minutes: float) -> tuple[int, list[str]]:
     """Guided runs of targets one after the other, each with the same share of the time; runs and findings."""
-    total, found = 0, []
+    total, problem = 0, []
     root = Path(__file__).parents[2]
     print(f"{'target':20s}{'runs':>10s}{'coverage':>10s}{'findings':>10s}{'s':>7s}", flush=True)
     for name in names:
         began = time.monotonic()
-        with tempfile.NamedTemporaryFile("w+", suffix=".jsonl") as told:
+        with tempfile.NamedTemporaryFile("w+", suffix=".jsonl") as notice:
             seconds = max(round(60.0 * minutes / len(names)), 1)
             done = subprocess.run(
-                [sys.executable, "-c", _STARTED, name, told.name, f"-max_total_time={seconds}"],
+                [sys.executable, "-c", _STARTED, name, notice.name, f"-max_total_time={seconds}"],
                 cwd=root, capture_output=True, text=True, errors="replace", check=False,
             )  # fmt: skip
-            lines = [json.loads(line) for line in told.read().splitlines()]
+            lines = [json.loads(line) for line in notice.read().splitlines()]
         runs = re.search(r"stat::number_of_executed_units:\s*(\d+)", done.stderr)
         coverage = re.findall(r"cov: (\d+)", done.stderr)
         total += int(runs[1]) if runs else 0
@@ -113,6 +113,6 @@ def run(names: list[str], *, minutes: float) -> tuple[int, list[str]]:
             here.append(f"{name}: the process ended with code {done.returncode}: {done.stderr[-1500:]}")
         for finding in here:
             print(finding, flush=True)
-        found += here
+        problem += here
     print(f"{'all':20s}{total:10d}")
-    return total, found
+    return total, problem

@@ -25,7 +25,7 @@ LARGEST = 4096  # of a seed [byte]
 
 def test_seeds_are_small_and_of_a_target():
     assert set(SEEDS) <= set(targets.names())
-    large = [path.name for found in SEEDS.values() for _, path in found if path.stat().st_size > LARGEST]
+    large = [path.name for seeds in SEEDS.values() for _, path in seeds if path.stat().st_size > LARGEST]
     assert large == []
 
 

@@ -20,9 +20,9 @@ def sats_above(n, rng):
 
 def test_directions_of_known_satellites(rng):
     r_sat, elevation, azimuth = sats_above(50, rng)
-    found = directions(HOME, r_sat)
-    assert np.allclose(found[0], elevation, rtol=0.0, atol=1e-12)
-    assert np.allclose(found[1], azimuth, rtol=0.0, atol=1e-12)
+    lines_of_sight = directions(HOME, r_sat)
+    assert np.allclose(lines_of_sight[0], elevation, rtol=0.0, atol=1e-12)
+    assert np.allclose(lines_of_sight[1], azimuth, rtol=0.0, atol=1e-12)
     up = HOME + C_en(llh_from_ecef(HOME)) @ np.array([0.0, 0.0, -1e6])
     assert directions(HOME, up[None])[0][0] == pytest.approx(np.pi / 2.0)
 
@@ -80,10 +80,10 @@ def test_medians_of_epochs(rng):
     value = rng.standard_normal(300)
     value[::7] = np.nan
     value[epoch == 5] = np.nan
-    found = epoch_medians(epoch, value, 41)
+    lines_of_sight = epoch_medians(epoch, value, 41)
     for i in range(41):
         v = value[(epoch == i) & np.isfinite(value)]
-        assert (np.isnan(found[i]) and not len(v)) or found[i] == np.median(v)
+        assert (np.isnan(lines_of_sight[i]) and not len(v)) or lines_of_sight[i] == np.median(v)
 
 
 def steps_of(t, clock_ms, drift=None):

@@ -108,12 +108,12 @@ def test_kepler_records_are_the_same_orbits(system):
     t = np.linspace(0.0, 7000.0, 9)
     r, v = orbits.states(t, epoch_gps_s=EPOCH)
     for k, when in enumerate(t):
-        found = satellite_states(ephemerides, orbits.sat, np.full(len(orbits), when), epoch_gps_s=EPOCH)
-        assert found.has_message.all()
-        assert found.healthy.all()
-        assert np.abs(found.r_e - r[k]).max() < 1e-6
-        assert np.abs(found.v_e - v[k]).max() < 1e-9
-        assert np.abs(found.clock).max() < 1e-18  # a circular orbit has no periodic relativity
+        places = satellite_states(ephemerides, orbits.sat, np.full(len(orbits), when), epoch_gps_s=EPOCH)
+        assert places.has_message.all()
+        assert places.healthy.all()
+        assert np.abs(places.r_e - r[k]).max() < 1e-6
+        assert np.abs(places.v_e - v[k]).max() < 1e-9
+        assert np.abs(places.clock).max() < 1e-18  # a circular orbit has no periodic relativity
 
 
 def test_glonass_records_hold_at_their_reference_times():
@@ -121,8 +121,8 @@ def test_glonass_records_hold_at_their_reference_times():
     ephemerides = orbits.ephemerides(EPOCH, EPOCH + 3600.0)
     toe = ephemerides.glonass.toe[24] - EPOCH
     r, _ = orbits.states(np.array([toe]), epoch_gps_s=EPOCH)
-    found = satellite_states(ephemerides, orbits.sat, np.full(24, toe), epoch_gps_s=EPOCH)
-    assert np.abs(found.r_e - r[0]).max() < 1e-6
+    places = satellite_states(ephemerides, orbits.sat, np.full(24, toe), epoch_gps_s=EPOCH)
+    assert np.abs(places.r_e - r[0]).max() < 1e-6
     # antipodal satellites share a frequency channel, and no others
     channels = ephemerides.glonass.channel[:24]
     assert channels.min() >= -7

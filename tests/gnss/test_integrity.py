@@ -105,10 +105,10 @@ def test_faults_without_noise_are_found(faults):
     A = np.concatenate((rng.normal(size=(10, 3)), np.ones((10, 1))), axis=1)
     y = A @ [1.0, -2.0, 3.0, 40.0]
     y[list(faults)] += [30.0, -25.0, 40.0][: len(faults)]
-    found = identify(A, y, Integrity())
-    assert found.rows == faults
-    assert found.statistic == pytest.approx(0.0, abs=1e-9)
-    assert found.rivals == 0
+    identified = identify(A, y, Integrity())
+    assert identified.rows == faults
+    assert identified.statistic == pytest.approx(0.0, abs=1e-9)
+    assert identified.rivals == 0
 
 
 def test_one_redundant_row_isolates_nothing():
@@ -127,10 +127,10 @@ def test_what_remains_is_tested_with_its_own_redundancy():
     rest = null @ np.ones(5) / np.sqrt(5.0)
     low, high = threshold(0.01, 5), threshold(0.01, 6)
     for square, alone in ((0.99 * low, True), (0.5 * (low + high), False)):
-        found = identify(A, 300.0 * one[:, 0] + np.sqrt(square) * rest, Integrity(false_alarm=0.01))
-        assert (found.rows == (0,)) is alone
+        identified = identify(A, 300.0 * one[:, 0] + np.sqrt(square) * rest, Integrity(false_alarm=0.01))
+        assert (identified.rows == (0,)) is alone
         if alone:
-            assert found.statistic == pytest.approx(square, rel=1e-9)
+            assert identified.statistic == pytest.approx(square, rel=1e-9)
 
 
 def test_max_faults_is_a_limit():

@@ -99,9 +99,9 @@ def test_the_atmosphere_is_taken_out_where_it_was_put_in(sky):
     expected = geometric_ranges(r.r_sat_e, HOME[None]) + SPEED_OF_LIGHT * np.array([steady(t) for t in r.t])
     assert np.max(np.abs(r.pseudorange - expected)[r.used]) < 2e-3
     # a position found by itself is 30 m too high because of the atmosphere: the troposphere's height dependence
-    found = prepare_ranges(o, sky, elevation_mask=5.0 * DEG, cn0_mask=0.0)
-    assert np.max(np.abs(found.pseudorange - r.pseudorange)[r.used]) < 0.1
-    assert np.max(np.abs(found.elevation - r.elevation)) < 1e-5
+    ranges = prepare_ranges(o, sky, elevation_mask=5.0 * DEG, cn0_mask=0.0)
+    assert np.max(np.abs(ranges.pseudorange - r.pseudorange)[r.used]) < 0.1
+    assert np.max(np.abs(ranges.elevation - r.elevation)) < 1e-5
 
 
 def test_without_coefficients_a_stand_in_is_used_and_said(sky, plain):

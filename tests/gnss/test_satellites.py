@@ -62,8 +62,8 @@ def test_brute_force_agrees(rng):
     e = kepler(*({"sat": "G05", "toe": a, "sent": b} for a, b in zip(toe, sent, strict=True)))
     t = rng.uniform(-5e3, 5e4, 500)
     for causal in (False, True):
-        found = chosen(e, "G05", t, causal=causal, max_age_s={"G": 3000.0})
-        for one, row in zip(t, found, strict=True):
+        choice = chosen(e, "G05", t, causal=causal, max_age_s={"G": 3000.0})
+        for one, row in zip(t, choice, strict=True):
             distance = np.where((sent <= one) | (not causal), np.abs(one - toe), np.inf)
             if distance.min() > 3001.0:
                 assert row == -1
@@ -174,37 +174,37 @@ def free_of_delay(first, second, f1, f2):
 
 
 def test_gps_delays_cancel_in_the_pair_of_its_clock():
-    delay, known = delays({"group_delay": (5e-9, np.nan)}, 1, 2, 5)
+    delay, is_stated = delays({"group_delay": (5e-9, np.nan)}, 1, 2, 5)
     assert delay[0] == 5e-9
     assert delay[1] == pytest.approx(5e-9 * (77.0 / 60.0) ** 2, rel=1e-12)
     assert abs(free_of_delay(delay[0], delay[1], 1575.42, 1227.6)) < 1e-22  # rounding
-    assert known.tolist() == [True, True, False]
+    assert is_stated.tolist() == [True, True, False]
 
 
 def test_galileo_delays_cancel_in_the_pair_of_the_message():
     """From either message the same clock of E1: I/NAV minus BGD of E5b, F/NAV minus BGD of E5a."""
     both = {"sat": "E05", "group_delay": (4e-9, 7e-9)}
-    i_nav, known = delays(both | {"source": 0x205}, 1, 5, 7, 8)
-    assert known.all()
+    i_nav, is_stated = delays(both | {"source": 0x205}, 1, 5, 7, 8)
+    assert is_stated.all()
     assert i_nav[0] == 7e-9
     assert abs(free_of_delay(i_nav[0], i_nav[2], 1575.42, 1207.14)) < 1e-22
     # E1/E5a from the clock of E1/E5b: their difference is that of the two delays
     assert free_of_delay(i_nav[0], i_nav[1], 1575.42, 1176.45) == pytest.approx(7e-9 - 4e-9, rel=1e-9)
-    f_nav, known = delays({"sat": "E05", "group_delay": (4e-9, 0.0), "source": 0x102}, 1, 5, 7)
+    f_nav, is_stated = delays({"sat": "E05", "group_delay": (4e-9, 0.0), "source": 0x102}, 1, 5, 7)
     assert f_nav[0] == 4e-9
     assert abs(free_of_delay(f_nav[0], f_nav[1], 1575.42, 1176.45)) < 1e-22
-    assert known.tolist() == [True, True, False]
+    assert is_stated.tolist() == [True, True, False]
 
 
 def test_beidou_delays():
-    delay, known = delays({"sat": "C20", "group_delay": (3e-9, -2e-9)}, 2, 7, 6, 1, 5)
+    delay, is_stated = delays({"sat": "C20", "group_delay": (3e-9, -2e-9)}, 2, 7, 6, 1, 5)
     assert delay.tolist() == [3e-9, -2e-9, 0.0, 3e-9, 0.0]
-    assert known.tolist() == [True, True, True, False, False]
+    assert is_stated.tolist() == [True, True, True, False, False]
 
 
 def test_what_is_not_broadcast_is_zero_and_unknown():
-    delay, known = delays({"group_delay": (np.nan, np.nan)}, 1, 2)
+    delay, is_stated = delays({"group_delay": (np.nan, np.nan)}, 1, 2)
     assert delay.tolist() == [0.0, 0.0]
-    assert known.tolist() == [False, False]
+    assert is_stated.tolist() == [False, False]
     s = satellite_states(glonass(0.0), [105], [0.0], epoch_gps_s=EPOCH)
     assert group_delays(s, np.array([105]), np.array([1]))[0].tolist() == [0.0]

@@ -137,9 +137,9 @@ def test_the_clock_walks_as_its_densities_say():
     phase = np.diff(s.clock[:, 0]) - s.drift[:-1] * dt
     n = len(drift)
     expected = np.array([[S_f * dt + S_d * dt**3 / 3.0, S_d * dt**2 / 2.0], [S_d * dt**2 / 2.0, S_d * dt]])
-    found = np.cov(phase, drift)
+    covariance = np.cov(phase, drift)
     se = np.sqrt((expected**2 + np.outer(np.diag(expected), np.diag(expected))) / n)
-    assert np.all(np.abs(found - expected) < 4.0 * se)
+    assert np.all(np.abs(covariance - expected) < 4.0 * se)
     assert s.clock[0, 0] == 10.0
     assert s.drift[0] == 1.0
 

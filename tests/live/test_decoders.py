@@ -457,9 +457,9 @@ def test_the_position_of_novatel_that_is_preferred_is_taken():
 def test_counts_of_novatel_that_cannot_be_navigated_are_left_out():
     """Not announced, of no known IMU, and thinned out: the same reasons as for a log, and the fixes go on."""
     frames = [nov.rawimusx(2300, 0.008 * k, (0, 0, 9, 0, 0, 0)) for k in range(50)]
-    found = decoder(SourceClock(), ReadHints())
-    assert fed(found, b"".join(frames)) == []
-    assert found.left_out["samples of an IMU, which are increments (say format=novatel)"] == 50
+    decoded = decoder(SourceClock(), ReadHints())
+    assert fed(decoded, b"".join(frames)) == []
+    assert decoded.left_out["samples of an IMU, which are increments (say format=novatel)"] == 50
     for data, phrase in (
         (b"".join(nov.rawimu(2300, 0.008 * k, (0, 0, 9, 0, 0, 0)) for k in range(50)), "does not say which IMU"),
         (b"".join(frames[::2]), "increments in between were not logged"),

@@ -163,9 +163,9 @@ def test_samples_that_no_imu_gives_are_left_out_and_said():
         live.imu_many(t[k : k + 33], gyro[k : k + 33], accel[k : k + 33])
     live.take(Fix.from_sigmas(30.0, wc.ORIGIN, np.ones(3)))
     live.finish()
-    said = " ".join(event.text for event in events)
+    message = " ".join(event.text for event in events)
     for words in ("not finite or impossible", "out of order", "repeated", "Fix: left out"):
-        assert words in said
+        assert words in message
     assert live.health == "ok"
     north, east, _ = frames.ned_from_ecef(frames.ecef_from_llh(live.solution().llh)[None], wc.ORIGIN)[0]
     assert np.hypot(north, east) == pytest.approx(14 * 1.3, abs=0.1)

@@ -163,7 +163,7 @@ def test_what_comes_wrong_is_said_and_changes_nothing(recording, batch):
     plain = live_run(recording)
     end = cases.fed(plain, recording.between(0.0, float(imu.t[4999])))[-1]
     np.testing.assert_allclose(cases.position(live.solution()), end[1:], rtol=0.0, atol=ROUNDING)
-    said = " ".join(e.text for e in live.events)
+    message = " ".join(e.text for e in live.events)
     for sentence in (
         "repeated",
         "out of order",
@@ -172,9 +172,9 @@ def test_what_comes_wrong_is_said_and_changes_nothing(recording, batch):
         "another zero",
         "has no time",
     ):
-        assert sentence in said
-    assert "positive variances" in said
-    assert "beyond +-90 deg" in said
+        assert sentence in message
+    assert "positive variances" in message
+    assert "beyond +-90 deg" in message
 
 
 @pytest.mark.parametrize(
@@ -182,14 +182,14 @@ def test_what_comes_wrong_is_said_and_changes_nothing(recording, batch):
 )
 def test_a_step_of_the_clock_begins_anew(recording, step):
     """Of all sensors, as after a restart: the run aligns again, and ends where one of the second part alone ends."""
-    heard = []
-    live = live_run(recording, on_event=heard.append)
+    received = []
+    live = live_run(recording, on_event=received.append)
     cases.fed(live, recording.between(0.0, 45.0))
     assert live.health == "ok"
     cases.fed(live, recording.shifted(step), every_s=10.0)
     assert live.health == "ok"
-    assert all(isinstance(e, Event) for e in heard)
-    assert sum("begins anew" in e.text for e in heard) == 1
+    assert all(isinstance(e, Event) for e in received)
+    assert sum("begins anew" in e.text for e in received) == 1
     alone = live_run(recording)
     end = cases.fed(alone, recording.shifted(step))[-1]
     # twenty samples go by until the new clock is believed

@@ -93,11 +93,11 @@ def test_ten_seconds_that_are_complete_are_those_of_a_log(recording, late):
     seconds, live by those before each epoch until the ten are complete."""
     r = recording.ranges
     wrong = (r.t > 66.0) & (r.t < 81.0)
-    said = replace(recording, ranges=replace(r, sigma_range=r.sigma_range / np.where(wrong, 3.0, 1.0)))
-    said = said.between(0.0, 93.0)
+    sentence = replace(recording, ranges=replace(r, sigma_range=r.sigma_range / np.where(wrong, 3.0, 1.0)))
+    sentence = sentence.between(0.0, 93.0)
     live = LiveNavigator.from_config(CONFIG, kind=recording.imu.kind)
-    rows = fed(live, said, late)
-    same = distances(rows, navigate(said, CONFIG, initial=live.initial))
+    rows = fed(live, sentence, late)
+    same = distances(rows, navigate(sentence, CONFIG, initial=live.initial))
     assert same[rows[:, 0] > live.initial.nav.t + 61.0].max() > 1e-4  # until they are complete
     assert same[-1] < ROUNDING
     if late == 0.0:
@@ -126,10 +126,10 @@ def test_what_comes_wrong_is_said(recording):
     live.take(SatelliteEpoch(last.measured.where([])))
     live.take(SatelliteEpoch(replace(last.measured, t=last.measured.t + 1e4)))
     np.testing.assert_array_equal(live.covariance, before)
-    said = [e.text for e in live.events[-3:]]
-    assert "came before" in said[0]
-    assert "got none" in said[1]
-    assert "another zero" in said[2]
+    sentence = [e.text for e in live.events[-3:]]
+    assert "came before" in sentence[0]
+    assert "got none" in sentence[1]
+    assert "another zero" in sentence[2]
 
 
 def test_a_fault_and_a_jump_of_the_clock_are_found_as_in_a_log(recording):

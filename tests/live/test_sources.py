@@ -18,14 +18,14 @@ class Listener:
     """A source that is read in a thread: what came, and what was said."""
 
     def __init__(self, text):
-        self.data, self.said, self.error = b"", [], None
+        self.data, self.sentence, self.error = b"", [], None
         self.stop = threading.Event()
         self.thread = threading.Thread(target=self._run, args=(parse_source(text),))
         self.thread.start()
 
     def _run(self, address):
         try:
-            for piece in chunks(address, self.stop, self.said.append):
+            for piece in chunks(address, self.stop, self.sentence.append):
                 self.data += piece
         except Exception as error:
             self.error = error
@@ -33,7 +33,7 @@ class Listener:
     def wait_for(self, condition):
         began = time.monotonic()
         while not condition(self):
-            assert time.monotonic() - began < LONGEST_S, (self.data, self.said, self.error)
+            assert time.monotonic() - began < LONGEST_S, (self.data, self.sentence, self.error)
             time.sleep(0.01)
 
     def __enter__(self):
@@ -59,13 +59,13 @@ def short_waits(monkeypatch):
 
 
 def test_udp(port):
-    with Listener(f"udp://:{port}") as heard, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        heard.wait_for(lambda s: s.said)
-        assert heard.said == [f"listening on 127.0.0.1:{port}"]
+    with Listener(f"udp://:{port}") as received, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        received.wait_for(lambda s: s.sentence)
+        assert received.sentence == [f"listening on 127.0.0.1:{port}"]
         for piece in (b"a", b"b" * 1400, b"c"):
             sender.sendto(piece, ("127.0.0.1", port))
-        heard.wait_for(lambda s: len(s.data) == 1402)
-    assert heard.data == b"a" + b"b" * 1400 + b"c"
+        received.wait_for(lambda s: len(s.data) == 1402)
+    assert received.data == b"a" + b"b" * 1400 + b"c"
 
 
 def test_a_port_that_is_taken_is_refused(port):
@@ -76,40 +76,40 @@ def test_a_port_that_is_taken_is_refused(port):
 
 
 def test_tcp_is_connected_again_when_the_other_side_comes_back(port):
-    with Listener(f"tcp://localhost:{port}") as heard:
-        heard.wait_for(lambda s: s.said)  # nobody is there yet
+    with Listener(f"tcp://localhost:{port}") as received:
+        received.wait_for(lambda s: s.sentence)  # nobody is there yet
         for text in (b"first", b"second"):
             with socket.create_server(("127.0.0.1", port)) as server:
                 client, _ = server.accept()
                 with client:
                     client.sendall(text)
-                    heard.wait_for(lambda s, text=text: s.data.endswith(text))
-    assert heard.data == b"firstsecond"
-    assert [said.partition(":")[0] for said in heard.said][:4] == ["lost", "connected again"] * 2
+                    received.wait_for(lambda s, text=text: s.data.endswith(text))
+    assert received.data == b"firstsecond"
+    assert [sentence.partition(":")[0] for sentence in received.sentence][:4] == ["lost", "connected again"] * 2
 
 
 def test_tcp_that_is_not_to_be_tried_again_ends(port):
-    with Listener(f"tcp://127.0.0.1:{port}?retry=0") as heard:
-        heard.wait_for(lambda s: not s.thread.is_alive())
-    assert heard.said == ["ended: Connection refused"]
+    with Listener(f"tcp://127.0.0.1:{port}?retry=0") as received:
+        received.wait_for(lambda s: not s.thread.is_alive())
+    assert received.sentence == ["ended: Connection refused"]
 
 
 def test_a_serial_line_whose_cable_is_pulled(tmp_path):
     pytest.importorskip("serial")
     link, ends = tmp_path / "ttyTEST", []
-    with Listener(f"serial:{link}?baud=230400") as heard:
-        heard.wait_for(lambda s: s.said)
+    with Listener(f"serial:{link}?baud=230400") as received:
+        received.wait_for(lambda s: s.sentence)
         for text in (b"one\n", b"two\n"):
             ends = os.openpty()
             os.symlink(os.ttyname(ends[1]), link)
             time.sleep(0.3)
             os.write(ends[0], text)
-            heard.wait_for(lambda s, text=text: s.data.replace(b"\r", b"").endswith(text))
+            received.wait_for(lambda s, text=text: s.data.replace(b"\r", b"").endswith(text))
             link.unlink()
             for end in ends:
                 os.close(end)
-    assert heard.data.replace(b"\r", b"") == b"one\ntwo\n"
-    assert [said.partition(":")[0] for said in heard.said][:4] == ["lost", "connected again"] * 2
+    assert received.data.replace(b"\r", b"") == b"one\ntwo\n"
+    assert [sentence.partition(":")[0] for sentence in received.sentence][:4] == ["lost", "connected again"] * 2
 
 
 def test_a_websocket(port):
@@ -123,11 +123,11 @@ def test_a_websocket(port):
     with serve(handle, "127.0.0.1", port) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
-        with Listener(f"ws://127.0.0.1:{port}/imu?retry=0") as heard:
-            heard.wait_for(lambda s: not s.thread.is_alive())
+        with Listener(f"ws://127.0.0.1:{port}/imu?retry=0") as received:
+            received.wait_for(lambda s: not s.thread.is_alive())
         server.shutdown()
         thread.join(LONGEST_S)
-    assert heard.data == b"text \x00bytes"
+    assert received.data == b"text \x00bytes"
 
 
 def broker(server, payloads, topics):
@@ -151,11 +151,11 @@ def test_a_topic_of_mqtt(port):
     with socket.create_server(("127.0.0.1", port)) as server:
         thread = threading.Thread(target=broker, args=(server, [b"one", b"two"], topics))
         thread.start()
-        with Listener(f"mqtt://127.0.0.1:{port}/vehicle/imu") as heard:
-            heard.wait_for(lambda s: s.data == b"onetwo")
+        with Listener(f"mqtt://127.0.0.1:{port}/vehicle/imu") as received:
+            received.wait_for(lambda s: s.data == b"onetwo")
         thread.join(LONGEST_S)
     assert topics == ["vehicle/imu"]
-    assert heard.said == ["connected"]
+    assert received.sentence == ["connected"]
 
 
 @pytest.mark.parametrize(

@@ -50,12 +50,12 @@ def test_the_start_of_a_log_is_fitted_by_what_there_is():
     """One increment: constant; two: linear; three: quadratic; each gives back the increments it was made of."""
     t = np.array([-0.035, -0.022, -0.01, 0.0])
     h2, h1, h = np.diff(t)
-    for known in (1, 2, 3):
+    for given in (1, 2, 3):
         c = np.zeros((3, 6))
-        c[:known] = np.hstack((RATE, FORCE))[:known]
+        c[:given] = np.hstack((RATE, FORCE))[:given]
         earlier, before, now = np.diff(integral(c, t), axis=0)
         poly = np.zeros(18)
-        kernels.fit_interval.py_func(poly, now, before, earlier, h, h1 if known > 1 else 0.0, h2 if known > 2 else 0.0)
+        kernels.fit_interval.py_func(poly, now, before, earlier, h, h1 if given > 1 else 0.0, h2 if given > 2 else 0.0)
         at = polynomial(c, -h)
         expected = np.stack((at, (c[1] - h * c[2]) * h, c[2] * h * h)) * h
         np.testing.assert_allclose(

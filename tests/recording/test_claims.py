@@ -68,8 +68,8 @@ def test_claims_of_other_formats_are_named(case):
     assert_named(measured()["said"][case])
 
 
-def assert_named(said: str) -> None:
-    assert any(word in said for word in ("claim", "damaged", "unpacks to", "complete")), said
+def assert_named(message: str) -> None:
+    assert any(word in message for word in ("claim", "damaged", "unpacks to", "complete")), message
 
 
 def test_unix_compress_is_bounded(tmp_path):

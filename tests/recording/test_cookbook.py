@@ -259,12 +259,12 @@ def test_the_page_runs(page, tmp_path, monkeypatch, capsys):
         words = shlex.split(line, comments=True)
         assert words[0] == "schuler", line
         code = main(words[1:])
-        said = capsys.readouterr()
+        output = capsys.readouterr()
         if words[1] == "check":
             assert code in (0, 2), line
-            assert " error" in said.out or code == 0, said.err
+            assert " error" in output.out or code == 0, output.err
         else:
-            assert code == 0, f"{line}: {said.err}"
+            assert code == 0, f"{line}: {output.err}"
     names: dict = {}
     for code in blocks(page, "python"):
         exec(compile(code, str(page), "exec"), names)
@@ -275,9 +275,9 @@ def test_the_page_runs(page, tmp_path, monkeypatch, capsys):
 
 def test_every_format_has_a_page():
     """Of the registry, read or written, and no page is left without files; the index links all."""
-    known = {name for name, _ in registry.FORMATS} | {name for name, _, _ in registry.WRITERS}
+    formats = {name for name, _ in registry.FORMATS} | {name for name, _, _ in registry.WRITERS}
     stems = {page.stem for page in PAGES}
-    assert {NAMES.get(name, name) for name in known} <= stems
+    assert {NAMES.get(name, name) for name in formats} <= stems
     assert stems == set(FILES)
     index = (DOCS / "formats.md").read_text(encoding="utf-8")
     assert set(re.findall(r"\(formats/([\w-]+)\.md\)", index)) == stems

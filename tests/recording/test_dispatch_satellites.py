@@ -157,10 +157,10 @@ def test_a_folder_with_entries(folder):
 def test_ephemerides_of_a_folder_may_be_in_several_files(folder):
     """Satellites alone are a recording: without entries, every file of ephemerides belongs to the observations."""
     (folder / "imu.csv").unlink()
-    found = read(folder)
+    recording = read(folder)
     parts = read(folder, observations={"file": "rover.obs"}, ephemerides={"file": ["glonass.nav", "gps.nav"]})
-    assert (len(found.ephemerides.kepler), len(found.ephemerides.glonass)) == (1, 1)
-    np.testing.assert_array_equal(found.observations.range_rate, parts.observations.range_rate)
+    assert (len(recording.ephemerides.kepler), len(recording.ephemerides.glonass)) == (1, 1)
+    np.testing.assert_array_equal(recording.observations.range_rate, parts.observations.range_rate)
 
 
 def test_a_folder_whose_imu_counts_another_week(folder):

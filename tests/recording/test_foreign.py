@@ -23,7 +23,7 @@ from schuler.recording.io import dispatch, read, receiver_tables
      RecursionError("deep"), AssertionError(), ZeroDivisionError(), np.linalg.LinAlgError("singular")],
     ids=lambda e: type(e).__name__,
 )  # fmt: skip
-def test_what_a_reader_does_not_foresee_is_one_sentence_with_the_file(tmp_path, monkeypatch, capsys, error):
+def test_what_a_reader_does_not_expect_is_one_sentence_with_the_file(tmp_path, monkeypatch, capsys, error):
     path = tmp_path / "log.txt"
     path.write_text("1 2 3\n")
     monkeypatch.setattr(text, "read_text", lambda *_: (_ for _ in ()).throw(error))

@@ -160,8 +160,8 @@ def test_rosbags_reads_bags_and_the_messages_in_mcap(run, tmp_path):
     library = pytest.importorskip("mcap.reader")
     write(run, tmp_path / "run.mcap")
     with (tmp_path / "run.mcap").open("rb") as stream:
-        found = library.make_reader(stream, validate_crcs=True).iter_messages()
-        check_ros(run, [(c.topic, store.deserialize_cdr(m.data, schema.name)) for schema, c, m in found])
+        entries = library.make_reader(stream, validate_crcs=True).iter_messages()
+        check_ros(run, [(c.topic, store.deserialize_cdr(m.data, schema.name)) for schema, c, m in entries])
 
 
 def check_ros(run, messages) -> None:
@@ -221,24 +221,24 @@ def check_attitude(run, q_wxyz) -> None:
 
 def test_pykitti_reads_kitti(run, tmp_path):
     """Packets by name, and poses on its Mercator plane: metres of a sphere, so relative to a few parts in 1000."""
-    found = importlib.util.find_spec("pykitti")
-    if found is None or not found.submodule_search_locations:
+    entries = importlib.util.find_spec("pykitti")
+    if entries is None or not entries.submodule_search_locations:
         pytest.skip("pykitti is not installed")
     # its package needs OpenCV for the images of a drive, which are not asked for here
-    path = Path(found.submodule_search_locations[0]) / "utils.py"
+    path = Path(entries.submodule_search_locations[0]) / "utils.py"
     spec = importlib.util.spec_from_file_location("pykitti_utils", path)
     utils = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(utils)
     write(run, tmp_path / "drive", format="kitti")
-    found = utils.load_oxts_packets_and_poses(sorted((tmp_path / "drive" / "oxts" / "data").glob("*.txt")))
-    assert len(found) == len(run.reference)
-    packets = [item.packet for item in found]
+    entries = utils.load_oxts_packets_and_poses(sorted((tmp_path / "drive" / "oxts" / "data").glob("*.txt")))
+    assert len(entries) == len(run.reference)
+    packets = [item.packet for item in entries]
     same([(p.lat * units.DEG, p.lon * units.DEG) for p in packets], run.reference.llh[:, :2], 3e-16)
     same([p.alt for p in packets], run.reference.llh[:, 2], 1e-8)
     same([(p.vn, p.ve, -p.vu) for p in packets], run.reference.v_eb_n, 1e-12)
     same([(p.ax, -p.ay, -p.az) for p in packets], run.imu.accel, 1e-14)
     same([p.roll for p in packets], run.reference.rpy_nb[:, 0], 1e-12)
-    poses = np.array([item.T_w_imu for item in found])
+    poses = np.array([item.T_w_imu for item in entries])
     moved = frames.ned_from_ecef(run.reference.r_eb_e, ORIGIN)[:, [1, 0, 2]] * (1.0, 1.0, -1.0)
     far = np.linalg.norm(moved[-1])
     same(poses[-1, :3, 3] - poses[0, :3, 3], moved[-1] - moved[0], 0.005 * far)

@@ -31,10 +31,10 @@ def files(tmp_path, monkeypatch):
 )  # fmt: skip
 def test_contents(files, name, module, expected):
     """What ``schuler info`` lists: parts, numbers, rates."""
-    found = {s.name: (s.part, s.count, s.rate_hz) for s in registry.module(module).contents(Path(name))}
+    streams = {s.name: (s.part, s.count, s.rate_hz) for s in registry.module(module).contents(Path(name))}
     for stream, (part, count, rate) in expected.items():
-        assert found[stream][:2] == (part, count)
-        assert found[stream][2] == pytest.approx(rate)
+        assert streams[stream][:2] == (part, count)
+        assert streams[stream][2] == pytest.approx(rate)
 
 
 @pytest.mark.realdata

@@ -129,9 +129,9 @@ def test_ground_truth_with_velocity_and_biases(tmp_path, capsys):
     assert len(run.imu) == 400
     for command in ("info", "check"):
         assert main([command, str(folder), "--origin", "47,8,400"]) in (0, 2)
-        said = capsys.readouterr()
-        assert "expected 7 columns" not in said.out + said.err
-        assert "is a folder: say" not in said.err
+        output = capsys.readouterr()
+        assert "expected 7 columns" not in output.out + output.err
+        assert "is a folder: say" not in output.err
     assert main(["info", str(folder), "--origin", "47,8,400"]) == 0
     lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  - ")]
     assert len(lines) == len(set(lines))

@@ -33,11 +33,11 @@ def navego(path, compress=True, **changes):
 @pytest.mark.parametrize("compress", [True, False])
 def test_names_are_seen(tmp_path, compress):
     navego(tmp_path / "a.mat", compress, x=np.zeros((5, 7)))
-    found = variables(tmp_path / "a.mat")
-    assert set(found) == {"imu1", "gnss", "ref", "note", "x"}
-    assert found["imu1"].fields == ("t", "fb", "wb", "arw", "freq")
-    assert found["x"].shape == (5, 7)
-    assert found["x"].fields == ()
+    matrices = variables(tmp_path / "a.mat")
+    assert set(matrices) == {"imu1", "gnss", "ref", "note", "x"}
+    assert matrices["imu1"].fields == ("t", "fb", "wb", "arw", "freq")
+    assert matrices["x"].shape == (5, 7)
+    assert matrices["x"].fields == ()
 
 
 @pytest.mark.parametrize("compress", [True, False])

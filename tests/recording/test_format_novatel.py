@@ -132,7 +132,7 @@ def test_novatels_own_decoder_reads_the_encoder(run, tmp_path):
     seen = {}
     for message in edie.FileParser(str(path)):
         seen.setdefault(getattr(message, "name", "?"), []).append(message)
-    counts = {name: len(found) for name, found in seen.items()}
+    counts = {name: len(messages) for name, messages in seen.items()}
     assert counts["RAWIMUSX"] == len(run.imu)
     assert counts["BESTPOS"] == counts["BESTVEL"] == len(run.gnss)
     assert counts["INSPVAS"] == len(run.reference)

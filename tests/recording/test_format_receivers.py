@@ -25,7 +25,7 @@ def test_no_format_claims_anothers_log(tmp_path):
     path = tmp_path / "log"
     for name, data in logs.items():
         path.write_bytes(data)
-        claims = [known for known, _ in registry.FORMATS if registry.module(known).sniff(data, path)]
+        claims = [format_name for format_name, _ in registry.FORMATS if registry.module(format_name).sniff(data, path)]
         assert claims == [name]
 
 

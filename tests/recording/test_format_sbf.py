@@ -82,8 +82,8 @@ def test_pysbf2_reads_the_encoder(run, tmp_path):
     assert (fix.Vn, fix.Ve, -fix.Vu) == pytest.approx(tuple(back.gnss.v_n[3]))
     assert fix.NrSV == 17
     C = back.gnss.cov_r_n[3]
-    found = (cov.Cov_latlat, cov.Cov_lonlon, cov.Cov_hgthgt, cov.Cov_latlon, -cov.Cov_lathgt, -cov.Cov_lonhgt)
-    assert found == pytest.approx((C[0, 0], C[1, 1], C[2, 2], C[0, 1], C[0, 2], C[1, 2]), rel=1e-6)
+    values = (cov.Cov_latlat, cov.Cov_lonlon, cov.Cov_hgthgt, cov.Cov_latlon, -cov.Cov_lathgt, -cov.Cov_lonhgt)
+    assert values == pytest.approx((C[0, 0], C[1, 1], C[2, 2], C[0, 1], C[0, 2], C[1, 2]), rel=1e-6)
     assert moved.Cov_VnVn == pytest.approx(back.gnss.cov_v_n[3, 0, 0], rel=1e-6)
     attitude = seen["AttEuler"][0]
     assert attitude.Heading * units.DEG == pytest.approx(back.heading.value[0])

@@ -158,18 +158,18 @@ def test_compiled_reading_of_damaged_text_is_the_plain_reading(name, cases, tmp_
     for seed in range(cases):
         path, content = good[seed % len(good)]
         path.write_bytes(mutations.damaged(content, 10_000 + seed))
-        found = []
+        problems = []
         for many in (1 << 60, 0):
             monkeypatch.setattr(lines, "MANY", many)
             try:
-                found.append(own.flatten(read(sample.path, **sample.hints)))
+                problems.append(own.flatten(read(sample.path, **sample.hints)))
             except SchulerError as error:
-                found.append(str(error))
+                problems.append(str(error))
             except BaseException as error:
                 error.add_note(f"{name}, seed {seed}, {path.name}, from {many} bytes on")
                 raise
         path.write_bytes(content)
-        plain, compiled = found
+        plain, compiled = problems
         assert type(plain) is type(compiled), (seed, plain, compiled)
         if isinstance(plain, str):
             assert plain == compiled, seed

@@ -26,15 +26,15 @@ def read_all(tmp_path, texts, **how):
     """Numbers of a file with one of the texts on each line."""
     path = tmp_path / "numbers.txt"
     path.write_text("\n".join(texts) + "\n", encoding="ascii")
-    found = numbers.read_numbers(TextTable(path, 1, ","), 1, [] if how else [0], **how)
-    assert found.rest == path.stat().st_size, texts[found.values.shape[1]]
-    return found.stamps if how else found.values[0]
+    numbers_read = numbers.read_numbers(TextTable(path, 1, ","), 1, [] if how else [0], **how)
+    assert numbers_read.rest == path.stat().st_size, texts[numbers_read.values.shape[1]]
+    return numbers_read.stamps if how else numbers_read.values[0]
 
 
-def assert_same_bits(found, texts):
+def assert_same_bits(numbers_read, texts):
     expected = np.array([float(text) for text in texts])
-    wrong = np.flatnonzero(found.view(np.int64) != expected.view(np.int64))
-    assert not len(wrong), [(texts[k], found[k], expected[k]) for k in wrong[:3]]
+    wrong = np.flatnonzero(numbers_read.view(np.int64) != expected.view(np.int64))
+    assert not len(wrong), [(texts[k], numbers_read[k], expected[k]) for k in wrong[:3]]
 
 
 digits = st.text("0123456789", min_size=0, max_size=30)
@@ -104,8 +104,8 @@ def test_many_numbers_are_those_of_float(tmp_path, cases):
 )
 @example(["1403636579.763555527", "1.403636579763555527e+09", "0.0000000005", "0.0000000015", "-0.0000000025", "7"])
 def test_stamps_are_rounded_as_decimals_are(tmp_path_factory, texts):
-    found = read_all(tmp_path_factory.getbasetemp(), texts, decimals=9, rounded=True)
-    assert found.tolist() == [int((Decimal(text) * 10**9).to_integral_value()) for text in texts]
+    numbers_read = read_all(tmp_path_factory.getbasetemp(), texts, decimals=9, rounded=True)
+    assert numbers_read.tolist() == [int((Decimal(text) * 10**9).to_integral_value()) for text in texts]
 
 
 def test_nanoseconds_keep_all_digits_and_halves_are_not_taken(tmp_path):
@@ -116,8 +116,8 @@ def test_nanoseconds_keep_all_digits_and_halves_are_not_taken(tmp_path):
     ]
     for wrong in ("0.5", "4000000000000000001", "1e19", "nan", ""):
         (tmp_path / "x").write_text(f"1\n{wrong},\n" if not wrong else f"1\n{wrong}\n")
-        found = numbers.read_numbers(TextTable(tmp_path / "x"), 1, [], decimals=0)
-        assert (found.stamps.tolist(), found.rest) == ([1], 2), wrong
+        numbers_read = numbers.read_numbers(TextTable(tmp_path / "x"), 1, [], decimals=0)
+        assert (numbers_read.stamps.tolist(), numbers_read.rest) == ([1], 2), wrong
 
 
 def outcome(path, how, used, n, large, allow):
@@ -179,8 +179,8 @@ def test_pieces_of_a_file_meet_at_any_byte(tmp_path, monkeypatch):
     path.write_text("# x\n" + "".join(f"{a!r},{b!r},{c!r}\n" for a, b, c in rows.tolist()))
     for piece in (80, 97, 128, 1000):
         monkeypatch.setattr(numbers, "_PIECE", piece)
-        found = numbers.read_numbers(TextTable(path, 2), 3, [2, 0])
-        np.testing.assert_array_equal(found.values, rows[:, [2, 0]].T)
+        numbers_read = numbers.read_numbers(TextTable(path, 2), 3, [2, 0])
+        np.testing.assert_array_equal(numbers_read.values, rows[:, [2, 0]].T)
     monkeypatch.setattr(numbers, "_PIECE", 30)  # a line is longer: for other code
     assert numbers.read_numbers(TextTable(path, 2), 3, [2, 0]).rest < path.stat().st_size
 

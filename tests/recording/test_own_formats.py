@@ -63,8 +63,8 @@ def assert_same(back: Recording, run: Recording, rtol: float = 0.0) -> None:
         ("reference", ("t", "r_eb_e", "v_eb_e", "q_eb")),
     ):
         mine, other = getattr(back, series), getattr(run, series)
-        known = {*names, "kind", "_cache"}
-        assert mine is None or {f.name for f in fields(mine)} <= known, "a new field has to be written and compared"
+        given = {*names, "kind", "_cache"}
+        assert mine is None or {f.name for f in fields(mine)} <= given, "a new field has to be written and compared"
         assert (mine is None) == (other is None), series
         for name in names if mine is not None else ():
             a, b = getattr(mine, name), getattr(other, name)

@@ -348,7 +348,7 @@ def test_a_file_cut_off_anywhere_is_read_up_to_the_last_complete_message(read):
         assert complete <= len(nav.kepler) + len(nav.glonass) <= complete + 1
         counts.append(complete)
     assert set(counts) == {1, 2, 3}
-    assert all("no complete message" in said for said in refusals)
+    assert all("no complete message" in sentence for sentence in refusals)
 
 
 # ----------------------------------------------------------------------------------------------- faults
@@ -363,7 +363,7 @@ def changed(old, new, text=GOOD):
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "said"),
+    ("text", "line", "sentence"),
     [
         ("", None, "the file is empty"),
         (changed("N: GNSS NAV DATA", "OBSERVATION DATA"), None, "read it with read_rinex_observation"),
@@ -381,8 +381,8 @@ def changed(old, new, text=GOOD):
         (HEAD_4 + "> XYZ G01 LNAV\n" + message("G01", DATE_3, orbit()), 4, "expected '> EPH', STO, EOP or ION"),
     ],
 )
-def test_faults_name_the_line(read, text, line, said):
-    with pytest.raises(FileFormatError, match=re.escape(said)) as fault:
+def test_faults_name_the_line(read, text, line, sentence):
+    with pytest.raises(FileFormatError, match=re.escape(sentence)) as fault:
         read(text)
     assert fault.value.line == line
 

@@ -133,10 +133,10 @@ def test_version_3(read):
         (t + 2.0, "G05", "2W", 21735790.001, None, None, None),
         (t + 2.0, "E24", "1C", None, None, None, 30.0),
     ]
-    found = rows(obs)
-    assert [r[1:5] + r[6:] for r in found] == [r[1:5] + r[6:] for r in expected]  # exactly what is printed
-    np.testing.assert_allclose([r[0] for r in found], [r[0] for r in expected], rtol=0, atol=1e-10)  # rounding
-    rates = [[np.nan if r[5] is None else r[5] for r in table] for table in (found, expected)]
+    entries = rows(obs)
+    assert [r[1:5] + r[6:] for r in entries] == [r[1:5] + r[6:] for r in expected]  # exactly what is printed
+    np.testing.assert_allclose([r[0] for r in entries], [r[0] for r in expected], rtol=0, atol=1e-10)  # rounding
+    rates = [[np.nan if r[5] is None else r[5] for r in table] for table in (entries, expected)]
     np.testing.assert_allclose(*rates, rtol=1e-14)
     assert obs.signals == ("1C", "2W")  # and not 5Q, of which there is nothing
     assert obs.epoch_gps_s == gps_from_calendar(dt.datetime(2023, 1, 8))
@@ -273,7 +273,7 @@ def test_everything_written_is_read_and_nothing_else(read, seed, version):
     }
     assert len(place) == len(obs)
     base = (start - dt.datetime(2021, 5, 2)).total_seconds() + 0.25
-    found = 0
+    entries = 0
     old = {("G", "1"): "1C", ("J", "1"): "1C", ("E", "1"): "1X"}
     for k, j, m in np.argwhere(table):
         code, name = codes[m], names[j]
@@ -288,8 +288,8 @@ def test_everything_written_is_read_and_nothing_else(read, seed, version):
             assert value["D"][row] == pytest.approx(-stated * SPEED_OF_LIGHT / band, rel=1e-14)  # rounding
         else:
             assert value[code[0]][row] == stated  # exactly
-        found += 1
-    assert found == sum(int(np.isfinite(v).sum()) for v in value.values()) + sum(
+        entries += 1
+    assert entries == sum(int(np.isfinite(v).sum()) for v in value.values()) + sum(
         int(
             table[k, j, m] > 0
             and codes[m] in ("D6", "D7")
@@ -359,11 +359,11 @@ def test_types_of_version_2_become_signals(read, codes, name, expected):
     codes = codes.split()
     table = np.full((1, 1, len(codes)), 2 * 10**10)
     obs = read(write_2(table, [name], codes, dt.datetime(2010, 1, 1)), glonass_channels={satellite("R01"): 0})
-    found = {}
+    entries = {}
     for k, signal in enumerate(obs.signal):
         kinds = zip("CLDS", (obs.pseudorange, obs.carrier, obs.range_rate, obs.cn0), strict=True)
-        found[obs.signals[signal]] = "".join(kind for kind, v in kinds if np.isfinite(v[k]))
-    assert found == expected
+        entries[obs.signals[signal]] = "".join(kind for kind, v in kinds if np.isfinite(v[k]))
+    assert entries == expected
 
 
 @pytest.mark.parametrize(("version", "signal"), [("3.02", "2I"), ("3.04", "1I")])
@@ -499,7 +499,7 @@ def test_a_missing_library_is_named(read, monkeypatch, start):
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("data", "message"),
     [
         (gzip.compress(V3.encode("latin-1"))[:-8] + bytes(8), "gzip file is damaged"),
         (b"BZh9rubbish", "bzip2 file is damaged"),
@@ -507,8 +507,8 @@ def test_a_missing_library_is_named(read, monkeypatch, start):
         (gzip.compress(b"", mtime=0), "packed file is empty"),
     ],
 )
-def test_damaged_packed_files(read, data, said):
-    with pytest.raises(FileFormatError, match=said):
+def test_damaged_packed_files(read, data, message):
+    with pytest.raises(FileFormatError, match=message):
         read(data)
 
 
@@ -521,7 +521,7 @@ def changed(old, new, text=V3):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("", "the file is empty"),
         ("t,x,y\n1,2,3\n", "first line has 'RINEX VERSION / TYPE' from column 61"),
@@ -543,8 +543,8 @@ def changed(old, new, text=V3):
         (changed("C   10", "C   17", V4), "expected 1, 10, 100 or 1000"),
     ],
 )
-def test_faults_of_the_header(read, text, said):
-    with pytest.raises(FileFormatError, match=re.escape(said)):
+def test_faults_of_the_header(read, text, message):
+    with pytest.raises(FileFormatError, match=re.escape(message)):
         read(text)
 
 
@@ -557,7 +557,7 @@ TYPES_3, TYPES_2 = "G    1 C1C".ljust(60) + "SYS / # / OBS TYPES", "     1    C1
 
 
 @pytest.mark.parametrize(
-    ("text", "part", "said"),
+    ("text", "part", "message"),
     [
         (changed("21735785.983 9", " 21735785.983 "), "G05  ", "C1C: expected a number with three decimals"),
         (changed(" 21735783.815", "2x735783.815 "), "G05  ", "C2W"),
@@ -581,10 +581,10 @@ TYPES_3, TYPES_2 = "G    1 C1C".ljust(60) + "SYS / # / OBS TYPES", "     1    C1
         (changed("blank date above".ljust(60) + "COMMENT", TYPES_2, V2), "     1    C1", "changes here"),
     ],
 )  # fmt: skip
-def test_faults_of_the_body_name_the_line(read, text, part, said):
+def test_faults_of_the_body_name_the_line(read, text, part, message):
     if "0  2 12" in text:
         text += "\n\n"  # lines enough for a second satellite
-    with pytest.raises(FileFormatError, match=re.escape(said)) as fault:
+    with pytest.raises(FileFormatError, match=re.escape(message)) as fault:
         read(text)
     line = (
         text.count("\n", 0, len(part)) + (0 if part.endswith("\n") else 1) if len(part) > 200 else line_of(text, part)
@@ -607,7 +607,7 @@ def test_a_file_cut_off_anywhere_is_read_up_to_the_last_complete_epoch(read, ver
     text = writer(table, ["G01", "G02"], codes.split(), dt.datetime(2020, 1, 1))
     whole = read(text)
     first = text.index("END OF HEADER") + 14
-    known = {r[:3]: r[3:] for r in rows(whole)}
+    given = {r[:3]: r[3:] for r in rows(whole)}
     complete = 0
     refusals = []
     for cut in range(first, len(text)):
@@ -617,13 +617,13 @@ def test_a_file_cut_off_anywhere_is_read_up_to_the_last_complete_epoch(read, ver
             refusals.append(str(error))
             continue
         for key, values in ((r[:3], r[3:]) for r in rows(obs)):
-            assert all(v is None or v == known[key][k] for k, v in enumerate(values)), cut
+            assert all(v is None or v == given[key][k] for k, v in enumerate(values)), cut
         assert len(obs.epochs) >= complete
         complete = max(complete, len(obs.epochs) - 1)  # the last one may lose fields, not digits
         for t in obs.epochs[:-1]:
             assert sum(obs.t == t) == sum(whole.t == t)
     assert complete == 2
-    assert all("no complete epoch" in said for said in refusals)
+    assert all("no complete epoch" in message for message in refusals)
 
 
 # -------------------------------------------------------------------------------------- real recordings
@@ -703,10 +703,10 @@ def test_georinex_reads_the_same_values(shared_data, tmp_path):
         m = obs.signal == k
         for kind, ours in (("C", obs.pseudorange), ("L", obs.carrier), ("S", obs.cn0)):
             expected = theirs[kind + signal].values
-            found = np.full(expected.shape, np.nan)
-            found[epoch[m], sv[m]] = ours[m]
-            np.testing.assert_array_equal(found, np.where(expected == 0.0, np.nan, expected))
-            compared += np.isfinite(found).sum()
+            entries = np.full(expected.shape, np.nan)
+            entries[epoch[m], sv[m]] = ours[m]
+            np.testing.assert_array_equal(entries, np.where(expected == 0.0, np.nan, expected))
+            compared += np.isfinite(entries).sum()
         np.testing.assert_array_equal(
             np.isfinite(obs.range_rate[m]), np.isfinite(theirs["D" + signal].values[epoch[m], sv[m]])
         )

@@ -107,8 +107,8 @@ def kml(path: Path) -> Recording:
 
 def gpx(path: Path) -> Recording:
     space = {"g": "http://www.topografix.com/GPX/1/1"}
-    found = ElementTree.parse(path).findall(".//g:trkpt", space)
-    return _points([(p.get("lon"), p.get("lat"), p.find("g:ele", space).text) for p in found])
+    points = ElementTree.parse(path).findall(".//g:trkpt", space)
+    return _points([(p.get("lon"), p.get("lat"), p.find("g:ele", space).text) for p in points])
 
 
 def geojson(path: Path) -> Recording:

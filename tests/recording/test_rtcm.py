@@ -162,8 +162,8 @@ def test_the_week_is_asked_for_or_said(tmp_path, two):
     recording = schuler.read(path, time=f"gps-tow:{week}")
     assert recording.observations.epoch_gps_s == week * WEEK
     assert recording.ephemerides is None
-    said = saved(tmp_path, [*stream(two.base), enc.ephemeris("1046", drawn("1046", week - 1024))], "said.rtcm3")
-    assert schuler.read(said).observations.epoch_gps_s == week * WEEK
+    message = saved(tmp_path, [*stream(two.base), enc.ephemeris("1046", drawn("1046", week - 1024))], "said.rtcm3")
+    assert schuler.read(message).observations.epoch_gps_s == week * WEEK
     with pytest.raises(FileFormatError, match=r"expected RTCM 3 observations .*found 1 of 1005"):
         schuler.read(saved(tmp_path, [EXAMPLE], "station.rtcm3"))
     with pytest.raises(InputError, match="rate"):

@@ -84,8 +84,8 @@ def test_a_folder_takes_both(table, still, tmp_path):
     table(still, header="t,ax [m/s^2],ay [m/s^2],az [m/s^2],gx [rad/s],gy [rad/s],gz [rad/s]", name="imu.csv")
     table(HEADINGS, header="t,heading [deg],sheading [deg]", name="compass.csv")
     table([row[:2] for row in HEIGHTS], header="t,h", name="baro.csv")
-    found = read(tmp_path)
-    assert found.heading is not None
-    assert found.height is None  # heights without an accuracy are not taken unasked
+    recording = read(tmp_path)
+    assert recording.heading is not None
+    assert recording.height is None  # heights without an accuracy are not taken unasked
     named = read(tmp_path, imu={"file": "imu.csv"}, height={"file": "baro.csv", "sigma_height": 0.4})
     np.testing.assert_array_equal(named.height.sigma, 0.4)

@@ -79,10 +79,10 @@ def test_frames_are_found_among_sentences_and_garbage():
     damaged = bytearray(a)
     damaged[7] ^= 1
     data = b"\x00\xb5" + a + GGA + bytes(damaged) + b + b"\xb5\x62\x01\x07\xff\xff" + c + GGA + GGA + c[:40]
-    found = find_frames(data)
-    assert [(k, data[i:j]) for k, i, j in found.spans] == [(0x0107, a), (0x0A04, b), (0x0215, c)]
-    assert (found.failed, found.truncated, found.sentences) == (1, True, 3)
-    assert found.strange == 2 + len(damaged) + 6
+    listed = find_frames(data)
+    assert [(k, data[i:j]) for k, i, j in listed.spans] == [(0x0107, a), (0x0A04, b), (0x0215, c)]
+    assert (listed.failed, listed.truncated, listed.sentences) == (1, True, 3)
+    assert listed.strange == 2 + len(damaged) + 6
     assert find_frames(b"").spans == []
     assert not find_frames(a).truncated
     assert find_frames(a[:-1]).truncated
@@ -92,11 +92,11 @@ def test_a_wrong_length_loses_only_its_own_frame():
     good = [frame(0x0107, bytes([k]) * 92) for k in range(5)]
     broken = bytearray(good[1])
     broken[5] = 0x7F  # claims 32 kB
-    found = find_frames(good[0] + bytes(broken) + b"".join(good[2:]))
-    assert len(found.spans) == 4
+    listed = find_frames(good[0] + bytes(broken) + b"".join(good[2:]))
+    assert len(listed.spans) == 4
     broken[4:6] = b"\xc0\x00"  # claims the two frames behind it as well
-    found = find_frames(good[0] + bytes(broken) + b"".join(good[2:]))
-    assert (len(found.spans), found.failed) == (4, 1)
+    listed = find_frames(good[0] + bytes(broken) + b"".join(good[2:]))
+    assert (len(listed.spans), listed.failed) == (4, 1)
 
 
 # ------------------------------------------------------------------------------------------- measurements

@@ -13,19 +13,19 @@ M = np.array([1, 2, 3, 5, 8, 13, 26, 41, 106])
 
 def simulated(process, seeds, n=100_000):
     """Allan variances of realisations. Shape (seeds, M)"""
-    found = []
+    estimates = []
     for seed in range(seeds):
         x = process.sample(n, DT, np.random.default_rng(seed))
-        found.append(allan_variances(integrate_signal(x, "rate", DT), "overlapping", M)[0])
-    return np.array(found)
+        estimates.append(allan_variances(integrate_signal(x, "rate", DT), "overlapping", M)[0])
+    return np.array(estimates)
 
 
 def assert_alike(process, seeds=8):
     """Statistical: 5 standard errors of the mean of the realisations, and 0.1 % for the tables."""
-    found = simulated(process, seeds)
-    error = found.std(axis=0, ddof=1) / np.sqrt(seeds)
+    estimates = simulated(process, seeds)
+    error = estimates.std(axis=0, ddof=1) / np.sqrt(seeds)
     expected = process.discrete_allan_variance(M, DT)
-    assert (np.abs(found.mean(axis=0) - expected) < 5.0 * error + 1e-3 * expected).all()
+    assert (np.abs(estimates.mean(axis=0) - expected) < 5.0 * error + 1e-3 * expected).all()
 
 
 @pytest.mark.parametrize("read_rate_hz", [40.0, 75.0, 100.0, 125.0, 200.0])

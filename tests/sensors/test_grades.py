@@ -54,15 +54,15 @@ def test_nearest_is_meant_in_logarithms():
     border = sqrt(tactical.accel.random_walk * catalogue.spec("automotive").accel.random_walk)
     for factor, expected in ((0.99, "tactical"), (1.01, "automotive")):
         accel = replace(tactical.accel, random_walk=factor * border)
-        found = grade(replace(tactical, accel=accel)).accel.attributes[0]
-        assert found.grades == (expected,)
-        assert abs(found.decades) == pytest.approx(0.5 * log10(20.0), abs=0.005)
+        judged = grade(replace(tactical, accel=accel)).accel.attributes[0]
+        assert judged.grades == (expected,)
+        assert abs(judged.decades) == pytest.approx(0.5 * log10(20.0), abs=0.005)
 
 
 def test_equal_numbers_name_both_grades_and_count_as_the_better():
-    found = grade(catalogue.spec("consumer")).gyro.attributes[0]
-    assert found.grades == ("consumer", "automotive")
-    only_noise = ImuSpec("x", TriadSpec(random_walk=found.value), catalogue.triad("tactical", "accel"))
+    judged = grade(catalogue.spec("consumer")).gyro.attributes[0]
+    assert judged.grades == ("consumer", "automotive")
+    only_noise = ImuSpec("x", TriadSpec(random_walk=judged.value), catalogue.triad("tactical", "accel"))
     assert grade(only_noise).gyro.grade == "automotive"
 
 

@@ -96,7 +96,7 @@ def test_two_samples_are_enough_for_every_order():
 
 
 @pytest.mark.parametrize(
-    ("t", "rate", "order", "said"),
+    ("t", "rate", "order", "message"),
     [
         ([0.0], [[1.0, 2, 3]], 2, "t: expected at least two samples to integrate between, got 1"),
         ([0.0, 1.0], [[1.0, 2, 3]], 2, r"rate: expected shape \(2, 3\), got \(1, 3\)"),
@@ -106,8 +106,8 @@ def test_two_samples_are_enough_for_every_order():
         ([0.0, np.nan], np.ones((2, 3)), 2, "t: expected finite numbers"),
     ],
 )
-def test_rates_that_cannot_be_integrated(t, rate, order, said):
-    with pytest.raises(InputError, match=said):
+def test_rates_that_cannot_be_integrated(t, rate, order, message):
+    with pytest.raises(InputError, match=message):
         integrate_rates(t, rate, order)
 
 

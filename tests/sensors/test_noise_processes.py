@@ -281,10 +281,10 @@ def test_block_means_of_a_fast_series_and_a_slow_series_agree(process):
     slow = process.sample((n, columns), 0.1, np.random.default_rng(36))
     a = np.stack([overlapping_allan(fast, k) for k in m])
     b = np.stack([overlapping_allan(slow, k) for k in m])
-    known = process.discrete_allan_variance(10 * m, 0.01) - process.discrete_allan_variance(m, 0.1)
+    given = process.discrete_allan_variance(10 * m, 0.01) - process.discrete_allan_variance(m, 0.1)
     if not isinstance(process, GaussMarkov) or process.tau > 0.1:
-        np.testing.assert_allclose(known, 0.0, atol=0.05 * process.allan_variance(m * 0.1).max())
-    assert np.abs(z_scores(a - b, known)).max() < SIGMAS
+        np.testing.assert_allclose(given, 0.0, atol=0.05 * process.allan_variance(m * 0.1).max())
+    assert np.abs(z_scores(a - b, given)).max() < SIGMAS
 
 
 @pytest.mark.parametrize("dt", [0.01, 1.0])

@@ -91,10 +91,10 @@ def drifts(process, T: float, rate: float, columns: int, seed: int) -> np.ndarra
 
 
 def check_drifts(process, expected: float, T: float, columns: dict[float, int]) -> None:
-    found = {rate: drifts(process, T, rate, k, seed=60) for rate, k in columns.items()}
+    drift = {rate: drifts(process, T, rate, k, seed=60) for rate, k in columns.items()}
     # a sine of random phase scatters less than a normal variable
-    square = {rate: np.mean(x**2) / expected for rate, x in found.items()}
-    error = {rate: sqrt(2.0 / len(x)) for rate, x in found.items()}
+    square = {rate: np.mean(x**2) / expected for rate, x in drift.items()}
+    error = {rate: sqrt(2.0 / len(x)) for rate, x in drift.items()}
     for rate in columns:
         assert abs(square[rate] - 1.0) < SIGMAS * error[rate] + 0.01  # statistical; 1 % discretisation
     slow, fast = columns

@@ -418,7 +418,7 @@ def test_quintic_nodes_are_reproduced_exactly():
 
 
 @pytest.mark.parametrize(
-    ("t", "llh", "said"),
+    ("t", "llh", "message"),
     [
         (np.arange(5.0), np.zeros((5, 3)), "at least six increasing times that start at 0"),
         (np.arange(1.0, 8.0), np.zeros((7, 3)), "start at 0"),
@@ -427,8 +427,8 @@ def test_quintic_nodes_are_reproduced_exactly():
         (np.arange(7.0), np.full((7, 3), np.nan), "llh: expected finite numbers"),
     ],
 )
-def test_splines_refuse_nodes_they_cannot_use(t, llh, said):
-    with pytest.raises(InputError, match=said):
+def test_splines_refuse_nodes_they_cannot_use(t, llh, message):
+    with pytest.raises(InputError, match=message):
         SplineMotion.through(t, llh, np.zeros((len(t), 3)))
 
 

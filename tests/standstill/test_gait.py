@@ -49,8 +49,8 @@ def test_every_stride_has_a_stance_however_fast():
     """A stance of a run is a twentieth of the mean, no share that a walk's slow swing would not have too."""
     run = pulses(0.75, stance=5.0)
     assert not np.any(run < gait_threshold(T, run, cycle_s=0.75))
-    found = run < gait_threshold(T, run, cycle_s=0.75, stillest=3.0)
-    assert np.array_equal(found, run == 5.0)
+    stances = run < gait_threshold(T, run, cycle_s=0.75, stillest=3.0)
+    assert np.array_equal(stances, run == 5.0)
 
 
 def test_a_motion_without_stances_has_none():

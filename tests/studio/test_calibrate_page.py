@@ -91,9 +91,9 @@ def test_a_rest_rejected_by_hand_is_that_of_the_command(shared_data, tmp_path):
         with chromium.opened(served.page("/calibrate", log="xsens", config="xsens.toml"), 1400) as page:
             chromium.wait_for(page, "document.querySelector('.timeline').dataset.latency", 90.0)
             press(page, "calibrate")
-            first, found = calibrated(folder, page)
+            first, calibration = calibrated(folder, page)
             spans = (
-                np.array(found["extra"]["intervals"]) - found["extra"]["intervals"][0][0]
+                np.array(calibration["extra"]["intervals"]) - calibration["extra"]["intervals"][0][0]
             )  # the first begins the log
             drawn = "JSON.parse(document.querySelector('.timeline').dataset.windows)"
             windows = chromium.run(page, drawn)
@@ -125,7 +125,7 @@ def test_a_rest_rejected_by_hand_is_that_of_the_command(shared_data, tmp_path):
     differ = ("elapsed_s", "files")
     assert {k: v for k, v in by_page.items() if k not in differ} == {k: v for k, v in answer.items() if k not in differ}
     assert by_page["extra"]["poses"] == len(spans) - 1
-    assert by_page["parameters"] != found["parameters"]
+    assert by_page["parameters"] != calibration["parameters"]
 
 
 @chromium.needed

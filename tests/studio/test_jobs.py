@@ -25,10 +25,10 @@ def folder(tmp_path):
 
 def ended(folder, key, seconds=60.0):
     until = time.monotonic() + seconds
-    while (found := jobs.job(folder, key)).state == "running":
+    while (outcome := jobs.job(folder, key)).state == "running":
         assert time.monotonic() < until
         time.sleep(0.05)
-    return found
+    return outcome
 
 
 def test_an_answer_a_refusal_and_a_kill_are_told_apart(folder):

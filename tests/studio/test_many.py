@@ -99,7 +99,7 @@ def test_fifty_tabs_are_answered(server):
 def test_of_two_tabs_that_change_a_configuration_the_second_is_told(server, folder):
     path = folder / "drive.toml"
     before = path.read_text()
-    told = "document.body.innerText.includes('was changed meanwhile')"
+    notice = "document.body.innerText.includes('was changed meanwhile')"
     entry = "document.querySelector('input[aria-label=\"imu.catalogue\"]')"
     with chromium.opened(server.page("/navigate", config="drive.toml"), 1400) as second:
         chromium.wait_for(second, "document.querySelector('.entry.stated')", 60.0)
@@ -114,7 +114,7 @@ def test_of_two_tabs_that_change_a_configuration_the_second_is_told(server, fold
         type_into(second, "imu.catalogue", '"MTi-3"')
         chromium.wait_for(second, "document.querySelector('.entry.changed')", 60.0)
         press(second, "save into the configuration")
-        chromium.wait_for(second, told, 60.0)
+        chromium.wait_for(second, notice, 60.0)
         assert path.read_text() == saved
         press(second, "load again")
         chromium.wait_for(second, f"{entry}.value.includes('MPU-6000')", 60.0)

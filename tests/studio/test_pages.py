@@ -547,12 +547,12 @@ def test_the_files_of_a_drive_dropped_read_navigated(shared_data, tmp_path):
     try:
         with chromium.opened(served.page("/"), 1400) as page:
             chromium.wait_for(page, "document.querySelector('.drop input')", 60.0)
-            found = chromium.call(
+            match = chromium.call(
                 page.browser, "Runtime.evaluate", page.session, expression="document.querySelector('.drop input')"
             )
             chromium.call(
                 page.browser, "DOM.setFileInputFiles", page.session,
-                files=[str(path) for path in files], objectId=found["result"]["objectId"],
+                files=[str(path) for path in files], objectId=match["result"]["objectId"],
             )  # fmt: skip
             until = time.monotonic() + 60.0
             while not all((tmp_path / path.name).is_file() for path in files):

@@ -51,6 +51,6 @@ def replay(executable: Path, limit: float = 1e-9) -> dict[str, float]:
     )
     assert numbers is not None, run.stderr
     names = ("samples", "measurements", "judged_differently", "compared", "states", "rms", "sigmas")
-    found = dict(zip(names, map(float, numbers.groups()), strict=True))
+    values = dict(zip(names, map(float, numbers.groups()), strict=True))
     assert run.returncode == 0, run.stdout
-    return found
+    return values

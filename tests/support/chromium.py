@@ -134,11 +134,11 @@ def call(b: Browser, method: str, session: str | None = None, **parameters: Any)
         text = text[os.write(b.commands, text) :]
     until = time.monotonic() + PATIENCE_S
     while True:
-        said = message(b, until)
-        if said.get("id") == b.number:
-            assert "error" not in said, f"{method}: {said['error']}"
-            return dict(said["result"])
-        b.events.append(said)
+        sentence = message(b, until)
+        if sentence.get("id") == b.number:
+            assert "error" not in sentence, f"{method}: {sentence['error']}"
+            return dict(sentence["result"])
+        b.events.append(sentence)
 
 
 @contextlib.contextmanager
@@ -246,17 +246,17 @@ def click(page: Page, selector: str) -> None:
 
 def errors(page: Page) -> tuple[str, ...]:
     """What went wrong on the page so far."""
-    found = []
+    problems = []
     for event in page.browser.events:
-        said, what = event.get("method"), event.get("params", {})
-        if said == "Runtime.exceptionThrown":
+        sentence, what = event.get("method"), event.get("params", {})
+        if sentence == "Runtime.exceptionThrown":
             details = what["exceptionDetails"]
-            found.append(details.get("exception", {}).get("description", details["text"]))
-        elif said == "Runtime.consoleAPICalled" and what["type"] in ("error", "assert"):
-            found.append(" ".join(str(a.get("value", a.get("description"))) for a in what["args"]))
-        elif said == "Log.entryAdded" and what["entry"]["level"] == "error":
-            found.append(f"{what['entry']['text']} {what['entry'].get('url', '')}".strip())
-    return tuple(found)
+            problems.append(details.get("exception", {}).get("description", details["text"]))
+        elif sentence == "Runtime.consoleAPICalled" and what["type"] in ("error", "assert"):
+            problems.append(" ".join(str(a.get("value", a.get("description"))) for a in what["args"]))
+        elif sentence == "Log.entryAdded" and what["entry"]["level"] == "error":
+            problems.append(f"{what['entry']['text']} {what['entry'].get('url', '')}".strip())
+    return tuple(problems)
 
 
 def requests(page: Page) -> tuple[str, ...]:

@@ -231,7 +231,7 @@ def main() -> None:
     wanted = sys.argv[1:] or list(samples.ALL)
     results: dict[str, dict[str, float]] = {}
     errors: list[str] = []
-    said: dict[str, str] = {}
+    message: dict[str, str] = {}
     with tempfile.TemporaryDirectory() as name:
         made = {}
         for format_name in wanted:  # everything is loaded, threads started, before anything is measured
@@ -251,12 +251,12 @@ def main() -> None:
                 try:
                     read(sample.path, **sample.hints)
                 except SchulerError as error:
-                    said[f"{format_name}, {label}"] = str(error)
+                    message[f"{format_name}, {label}"] = str(error)
                 except BaseException as error:
                     errors.append(f"{format_name}, {label}: {type(error).__name__}: {str(error)[:200]}")
                 results[format_name][label] = address_space() - before
             path.write_bytes(good)
-    print(json.dumps({"grown_mb": results, "errors": errors, "said": said}))
+    print(json.dumps({"grown_mb": results, "errors": errors, "said": message}))
 
 
 if __name__ == "__main__":

@@ -52,8 +52,8 @@ class Fault:
     hides: frozenset[str] = frozenset()
     text: str = ""
 
-    def named_by(self, found) -> bool:
-        return any(found.has(code) for code in self.codes)
+    def named_by(self, findings) -> bool:
+        return any(findings.has(code) for code in self.codes)
 
 
 def _imu(change):

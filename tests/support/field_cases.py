@@ -165,7 +165,7 @@ def nees_of(result, truth):
 
 def campaign(scene, spec, runs, spoil=None, options=None, seeds=0, **more):
     """NEES per degree of freedom, errors (runs, p), mean sigmas, results."""
-    nees, errors_all, found = [], [], []
+    nees, errors_all, solutions = [], [], []
     for seed in range(seeds, seeds + runs):
         errors, rng, heading = drawn(spec, seed)
         imu = log_of(scene, errors, rng)
@@ -175,8 +175,8 @@ def campaign(scene, spec, runs, spoil=None, options=None, seeds=0, **more):
         truth = vector(errors, result.calibration.names)
         nees.append(nees_of(result, truth) / len(truth))
         errors_all.append(result.calibration.values - truth)
-        found.append(result)
-    return float(np.mean(nees)), np.array(errors_all), found
+        solutions.append(result)
+    return float(np.mean(nees)), np.array(errors_all), solutions
 
 
 def band(runs, size, probability=0.9998):

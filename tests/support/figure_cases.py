@@ -149,12 +149,12 @@ def walked():
 @cache
 def noise():
     cases = module("support/noise_cases.py")
-    found, imu = cases.identification(), cases.recording()
+    identified, imu = cases.identification(), cases.recording()
     from schuler.characterisation.report.spectra import log_spectra
 
-    spectra = {name: s for name, s in log_spectra(imu).items() if name in found.axes}
+    spectra = {name: s for name, s in log_spectra(imu).items() if name in identified.axes}
     lag = np.arange(0.0, 100.0, 5.0)
-    return found, imu, spectra, {name: (lag, np.exp(-lag / 20.0)) for name in found.axes}
+    return identified, imu, spectra, {name: (lag, np.exp(-lag / 20.0)) for name in identified.axes}
 
 
 @cache
@@ -391,11 +391,11 @@ def _stefanisko() -> dict[str, Callable]:
     r = np.column_stack([t, t**2, 0.0 * t])
     x = RNG(1).standard_normal((101, 6))
     C = np.tile(np.eye(3), (101, 1, 1))
-    found = SimpleNamespace(r_n=r + 1e-3, C_nb=C)
+    identified = SimpleNamespace(r_n=r + 1e-3, C_nb=C)
     ones = np.ones(3)
     return {
         "samples_figure": lambda: f.samples_figure(t, x[:, :3], x[:, 3:], (1.0, 1.0)),
-        "track_figure": lambda: f.track_figure(t, r, 0.1 * t, found),
+        "track_figure": lambda: f.track_figure(t, r, 0.1 * t, identified),
         "paths_figure": lambda: f.paths_figure(dict.fromkeys("abcd", r)),
         "drift_figure": lambda: f.drift_figure(t, np.stack([r, 1.1 * r, 0.9 * r]), "t"),
         "moving_mean_figure": lambda: f.moving_mean_figure(t, t, 0.1 * t),
@@ -623,9 +623,9 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
         return ImuSeries(t, gyro, accel)
 
     def bounds_beside():
-        _, found = grown()
-        closed = {name: {"heading": found.sigma["heading"]} for name in "abcd"}
-        return g.beside_figure(dict.fromkeys("abcd", found), ("heading", "velocity_north"), closed, "t")
+        _, identified = grown()
+        closed = {name: {"heading": identified.sigma["heading"]} for name in "abcd"}
+        return g.beside_figure(dict.fromkeys("abcd", identified), ("heading", "velocity_north"), closed, "t")
 
     def driven_motion():
         from schuler.reproduce.du.study.drives import drive

@@ -81,7 +81,7 @@ class Forked(NamedTuple):
 
     status: int
     changes: int
-    said: str
+    message: str
 
 
 def forked(folder: Path, command: str, until: int | None = None) -> Forked:
@@ -90,7 +90,7 @@ def forked(folder: Path, command: str, until: int | None = None) -> Forked:
     process = os.fork()
     if process == 0:
         os.close(read)
-        said = io.StringIO()
+        message = io.StringIO()
         made, here = 0, str(folder)
 
         def count(event, arguments):
@@ -106,21 +106,21 @@ def forked(folder: Path, command: str, until: int | None = None) -> Forked:
         sys.dont_write_bytecode = True  # where files may not grow, Python 3.11 keeps cut ones
         try:
             os.chdir(folder)
-            with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
+            with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(message):
                 sys.addaudithook(count)
                 words = [str(folder / w) if w.startswith(("in/", "out/")) else w for w in command.split()]
                 code = main(words)
         except BaseException:
-            said.write(traceback.format_exc())
+            message.write(traceback.format_exc())
             code = 99
         with os.fdopen(write, "w") as stream:
-            json.dump((made, said.getvalue()), stream)
+            json.dump((made, message.getvalue()), stream)
         os._exit(code)
     os.close(write)
     with os.fdopen(read) as stream:  # read first: what is said may be more than a pipe holds
-        told = stream.read()
+        output = stream.read()
     _, status = os.waitpid(process, 0)
-    return Forked(status, *(json.loads(told) if told else (0, "")))
+    return Forked(status, *(json.loads(output) if output else (0, "")))
 
 
 def content(folder: Path) -> dict[str, bytes]:

@@ -89,12 +89,12 @@ def test_iterations_and_biases_that_were_left_out_move_too(automotive):
 def test_factors_are_found(name, middle):
     """The mean factor of three axes, to 1e-3: four digits, Earth rate, g-sensitivity of 0.1 deg/s/g and 50 deg/s."""
     imu, errors = turned(name, 3)
-    found = count_factors(in_counts(imu, middle), gravity=G)
-    for s, lsb, M in zip(found.nominal, LSB, (errors.M_a, errors.M_g), strict=True):
+    outcome = count_factors(in_counts(imu, middle), gravity=G)
+    for s, lsb, M in zip(outcome.nominal, LSB, (errors.M_a, errors.M_g), strict=True):
         assert s == pytest.approx(lsb / np.cbrt(np.linalg.det(np.eye(3) + M)), rel=1e-3)
-    np.testing.assert_array_equal(found.middle, np.full((2, 3), middle))
+    np.testing.assert_array_equal(outcome.middle, np.full((2, 3), middle))
     # SI again, but for the factor itself
-    np.testing.assert_allclose(found.to_si(in_counts(imu, middle)).accel, imu.accel, rtol=0.05, atol=0.01)
+    np.testing.assert_allclose(outcome.to_si(in_counts(imu, middle)).accel, imu.accel, rtol=0.05, atol=0.01)
 
 
 def test_axes_that_were_turned_have_the_middle_below_zero(automotive):
@@ -102,16 +102,16 @@ def test_axes_that_were_turned_have_the_middle_below_zero(automotive):
     turn = np.array([1.0, -1.0, -1.0])
     counts = in_counts(automotive[0], HALF)
     sensors = replace(counts, accel=counts.accel * turn, gyro=counts.gyro * turn)
-    found = count_factors(sensors, gravity=G)
-    np.testing.assert_array_equal(found.middle, HALF * np.array([turn, turn]))
+    outcome = count_factors(sensors, gravity=G)
+    np.testing.assert_array_equal(outcome.middle, HALF * np.array([turn, turn]))
 
 
 def test_one_triad_in_counts(automotive):
     imu, _ = automotive
     mixed = replace(imu, accel=np.round(imu.accel / LSB[0]))
-    found = count_factors(mixed, ["accel"], gravity=G)
-    assert found.nominal[0] == pytest.approx(LSB[0], rel=0.02)
-    assert found.nominal[1] == 1.0
+    outcome = count_factors(mixed, ["accel"], gravity=G)
+    assert outcome.nominal[0] == pytest.approx(LSB[0], rel=0.02)
+    assert outcome.nominal[1] == 1.0
     with pytest.raises(InputError, match=r"gyro: expected SI, but gravity and the turns fit with a factor of 0\.09"):
         count_factors(replace(mixed, gyro=11.0 * imu.gyro), ["accel"], gravity=G)
 
@@ -120,8 +120,8 @@ def test_counts_that_could_be_radians(automotive):
     """A turn of 45 degrees is 45 counts times seconds: taken for radians, seven full turns and 58 degrees."""
     imu, errors = automotive
     counts = replace(in_counts(imu), gyro=imu.gyro / DEG)
-    found = count_factors(counts, gravity=G)
-    assert found.nominal[1] == pytest.approx(DEG / np.cbrt(np.linalg.det(np.eye(3) + errors.M_g)), rel=1e-3)
+    outcome = count_factors(counts, gravity=G)
+    assert outcome.nominal[1] == pytest.approx(DEG / np.cbrt(np.linalg.det(np.eye(3) + errors.M_g)), rel=1e-3)
 
 
 def test_readings_of_both_signs_have_no_middle(automotive):
@@ -140,16 +140,16 @@ def test_readings_of_both_signs_have_no_middle(automotive):
 def test_given_rests_are_used(automotive):
     imu, _ = automotive
     spans = [(a + 0.5, b - 0.5) for a, b in thesis_routine(dwell_s=5.0, repeats=1).rests if b - a > 3.0]
-    found = count_factors(in_counts(imu), gravity=G, intervals=spans)
-    assert found.nominal == pytest.approx(count_factors(in_counts(imu), gravity=G).nominal, rel=2e-3)
+    outcome = count_factors(in_counts(imu), gravity=G, intervals=spans)
+    assert outcome.nominal == pytest.approx(count_factors(in_counts(imu), gravity=G).nominal, rel=2e-3)
 
 
 def test_a_calibration_by_another_method_tells_them_too(automotive):
     result = calibrate_freepose(in_counts(automotive[0], HALF), gravity=G)
-    found = factors_of(result)
-    assert found.nominal == result.nominal
-    np.testing.assert_array_equal(found.middle, np.full((2, 3), HALF))
-    assert np.abs(found.in_si(result).errors.b_a).max() < 2.0
+    outcome = factors_of(result)
+    assert outcome.nominal == result.nominal
+    np.testing.assert_array_equal(outcome.middle, np.full((2, 3), HALF))
+    assert np.abs(outcome.in_si(result).errors.b_a).max() < 2.0
 
 
 def test_scale_factors_are_relative_to_what_was_found():

@@ -187,9 +187,9 @@ def test_noise_is_taken_from_the_log(rng):
     errors = unit()
     imu, sections = session(errors, rng=rng)
     stated = calibrate_ferraris(imu, sections, gravity=G, latitude=POLE, noise=NOISE)
-    found = calibrate_ferraris(imu, sections, gravity=G, latitude=POLE)
-    assert np.median(found.sigma / stated.sigma) == pytest.approx(1.1, abs=0.15)  # the larger of two estimates
-    np.testing.assert_allclose(found.sigma, stated.sigma, rtol=0.8)
+    calibration = calibrate_ferraris(imu, sections, gravity=G, latitude=POLE)
+    assert np.median(calibration.sigma / stated.sigma) == pytest.approx(1.1, abs=0.15)  # the larger of two estimates
+    np.testing.assert_allclose(calibration.sigma, stated.sigma, rtol=0.8)
 
 
 def unlabelled(errors, rng, faces=6, turns=3):

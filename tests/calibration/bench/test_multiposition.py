@@ -174,10 +174,10 @@ def test_what_the_data_sheet_knows_better_is_refused(rng):
         assert abs(result["M_g_zz"][0]) < 0.1 * spec.gyro.scale_factor
         assert result.status == "ok"
         assert result["b_g_y"][1] < 1.5e-6
-    told = calibrate_multiposition(
+    calibration = calibrate_multiposition(
         simulated(rng, rate=0.73), gravity=G, latitude=LAT, table_rate=0.73, prior_spec=spec, gyro_order=9
     )
-    assert "refused" not in words(told)
+    assert "refused" not in words(calibration)
 
 
 def test_a_data_sheet_does_not_hide_what_poses_do_not_determine(rng):
@@ -422,8 +422,8 @@ def test_automatic_order_with_angles_held(rng):
 
 def test_reasons_name_what_is_missing():
     u = np.array([(0.0, 1.0, 0.0), (0.8, 0.0, 0.6), (-0.5, 0.0, 0.8)])
-    said = reasons(["b_x", "b_y", "s_x", "s_z", "theta_yz", "theta_zy"], u)
-    assert said == [
+    message = reasons(["b_x", "b_y", "s_x", "s_z", "theta_yz", "theta_zy"], u)
+    assert message == [
         "b_y not determined: no poses with y along the reference and against it",
         "s_x not determined: no pose with x along the reference, which tells its scale from the others'",
         "s_z not determined: no pose with z along the reference, which tells its scale from the others'",

@@ -62,9 +62,9 @@ def test_earth_rate_on_faces_against_attitudes(rng):
         ("y down", np.column_stack((np.cross([0, 0, 1], level[:, 0]), [0, 0, 1], level[:, 0]))),
     ):
         one = Poses(np.ones((1, 3)), np.ones((1, 3)), np.ones((1, 3)), np.ones((1, 3)), [0.0], [1.0])
-        found = earth_rate_on_faces(faces_of(one, [name]), LAT, [h])
+        rates = earth_rate_on_faces(faces_of(one, [name]), LAT, [h])
         assert np.linalg.det(C_nb) == pytest.approx(1.0)
-        np.testing.assert_allclose(found[0], C_nb.T @ earth_rate_ned(LAT), atol=1e-19)
+        np.testing.assert_allclose(rates[0], C_nb.T @ earth_rate_ned(LAT), atol=1e-19)
 
 
 def test_standard_is_the_closed_form(rng):
@@ -231,13 +231,13 @@ def test_predicted_covariance_is_the_scatter(options, rng):
 
 def test_level_is_found_from_residuals(rng):
     """Statistical: mean square of 60 estimates, six numbers of redundancy each, within five standard errors."""
-    found = []
+    rates = []
     for _ in range(60):
         tilt = 3e-3 * rng.standard_normal((6, 3))
         poses = poses_from(unit(), f=G * (UP + np.cross(tilt, UP)), rng=rng)
         result = calibrate_sixposition(poses, gravity=G, halves=False)
-        found.append(result.extra["level_sigma"])
-    assert np.mean(np.square(found)) == pytest.approx(9e-6, rel=5.0 * np.sqrt(2.0 / 6.0 / 60.0))
+        rates.append(result.extra["level_sigma"])
+    assert np.mean(np.square(rates)) == pytest.approx(9e-6, rel=5.0 * np.sqrt(2.0 / 6.0 / 60.0))
     assert any("the fixture was taken to be level to" in v for v in result.verdicts)
     # and noise by itself is not taken for tilt
     quiet = [calibrate_sixposition(poses_from(unit(), rng=rng), gravity=G, halves=False) for _ in range(100)]

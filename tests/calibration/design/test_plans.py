@@ -62,8 +62,8 @@ def test_observability_table(name, row):
         assert f"determines {rank} of the 9" in plan.summary()
         return
     A = design_matrix(plan.directions)
-    found = np.sqrt(np.diag(np.linalg.inv(A.T @ A))).reshape(3, 3)
-    for three, printed in zip(found, sd, strict=True):
+    sigmas = np.sqrt(np.diag(np.linalg.inv(A.T @ A))).reshape(3, 3)
+    for three, printed in zip(sigmas, sd, strict=True):
         np.testing.assert_allclose(three, printed, atol=5.001e-4)
 
 
@@ -83,15 +83,15 @@ def test_two_sets_of_ten_of_the_source_are_of_rank_eight():
     three = np.concatenate((ATTITUDES[:6], edges[2:4], edges[6:8]))
     four = np.concatenate((edges[8:10], ATTITUDES[18:]))
     assert plan_of(three).rank == plan_of(four).rank == 8
-    found = []
+    sigmas = []
     for directions in (three, four):
         A = [design_matrix(tilted(directions, rng)) for _ in range(300)]
-        found.append(np.median([np.sqrt(np.diag(np.linalg.inv(a.T @ a))) for a in A], axis=0))
-    assert 41.6 / 1.5 < found[0][8] < 41.6 * 1.5
-    assert found[0][:8].max() < 3.0
-    np.testing.assert_array_less(12.0 / 1.5, found[1][4:6])
-    np.testing.assert_array_less(found[1][4:6], 12.0 * 1.5)
-    assert np.delete(found[1], (4, 5)).max() < 3.0
+        sigmas.append(np.median([np.sqrt(np.diag(np.linalg.inv(a.T @ a))) for a in A], axis=0))
+    assert 41.6 / 1.5 < sigmas[0][8] < 41.6 * 1.5
+    assert sigmas[0][:8].max() < 3.0
+    np.testing.assert_array_less(12.0 / 1.5, sigmas[1][4:6])
+    np.testing.assert_array_less(sigmas[1][4:6], 12.0 * 1.5)
+    assert np.delete(sigmas[1], (4, 5)).max() < 3.0
 
 
 def test_design_matrix_is_the_derivative_of_the_measured_magnitude():
@@ -140,7 +140,7 @@ def test_exchange_is_deterministic_and_never_worse_with_more_poses():
 
 
 @pytest.mark.parametrize(
-    ("direction", "said"),
+    ("direction", "message"),
     [
         ((1, 0, 0), "x up"),
         ((0, 0, -2), "z down"),
@@ -153,8 +153,8 @@ def test_exchange_is_deterministic_and_never_worse_with_more_poses():
         ((0.5, -0.5, np.sqrt(0.5)), "x 30 deg above level, y 30 deg below level, z 45 deg above level"),
     ],
 )
-def test_words(direction, said):
-    assert words_of(direction) == said
+def test_words(direction, message):
+    assert words_of(direction) == message
 
 
 def test_what_cannot_be():

@@ -25,10 +25,10 @@ TRIAD = TriadSpec(random_walk=2e-3, turn_on_bias=0.05, scale_factor=3e-3, misali
 def test_table_scales_with_noise_dwell_and_gravity():
     """Closed form for the edges: sd b = sigma/2, sd s = 0.866 sigma/g, sd theta = sigma/g; rounding."""
     sigma = 2e-3 / np.sqrt(50.0)
-    found = predicted_sigma(attitude_plan("edges").directions, TRIAD, 50.0, reference=9.81)
-    assert tuple(found) == parameter_names(9)
+    sigmas = predicted_sigma(attitude_plan("edges").directions, TRIAD, 50.0, reference=9.81)
+    assert tuple(sigmas) == parameter_names(9)
     expected = [0.5 * sigma] * 3 + [np.sqrt(0.75) * sigma / 9.81] * 3 + [sigma / 9.81] * 3
-    np.testing.assert_allclose(list(found.values()), expected, rtol=1e-12)
+    np.testing.assert_allclose(list(sigmas.values()), expected, rtol=1e-12)
     # twice the dwell in every pose is the plan twice
     twice = np.concatenate((ATTITUDES, ATTITUDES))
     a = predicted_sigma(ATTITUDES, TRIAD, 60.0)
@@ -44,10 +44,10 @@ def test_what_is_not_determined_has_no_finite_sigma():
     assert [n for n, s in corners.items() if np.isinf(s)] == ["M_a_xx", "M_a_yy", "M_a_zz"]
     assert np.isinf(list(predicted_sigma(np.empty((0, 3)), TRIAD, 10.0).values())).all()
     # six faces with known directions determine all twelve: sd b = sigma/sqrt(6), sd M = sigma/(g sqrt(2))
-    known = predicted_sigma(attitude_plan(6).directions, TRIAD, 10.0, 12)
+    given = predicted_sigma(attitude_plan(6).directions, TRIAD, 10.0, 12)
     sigma = 2e-3 / np.sqrt(10.0)
-    assert known["b_a_y"] == pytest.approx(sigma / np.sqrt(6.0))
-    assert known["M_a_zx"] == pytest.approx(sigma / G0 / np.sqrt(2.0))
+    assert given["b_a_y"] == pytest.approx(sigma / np.sqrt(6.0))
+    assert given["M_a_zx"] == pytest.approx(sigma / G0 / np.sqrt(2.0))
 
 
 def fit_magnitude(f, p, g=G0):
@@ -92,10 +92,10 @@ def test_predictions_agree_with_the_sources_simulation():
 
     sd b 0.92e-4, s 14.1 ppm, theta 20.1 urad with 2 deg scatter, here without: 2 %.
     """
-    found = predicted_sigma(ATTITUDES, TriadSpec(random_walk=3.667e-3), 180.0, reference=9.801)
-    assert found["b_a_x"] == pytest.approx(0.92e-4, rel=0.02)
-    assert found["M_a_yy"] == pytest.approx(14.1e-6, rel=0.02)
-    assert found["M_a_zx"] == pytest.approx(20.1e-6, rel=0.02)
+    sigmas = predicted_sigma(ATTITUDES, TriadSpec(random_walk=3.667e-3), 180.0, reference=9.801)
+    assert sigmas["b_a_x"] == pytest.approx(0.92e-4, rel=0.02)
+    assert sigmas["M_a_yy"] == pytest.approx(14.1e-6, rel=0.02)
+    assert sigmas["M_a_zx"] == pytest.approx(20.1e-6, rel=0.02)
 
 
 def test_mean_with_bias_instability_is_its_allan_deviation():
@@ -155,23 +155,23 @@ def test_relative_uncertainty_without_poses_is_one():
 
 def test_dwell_for_white_noise_is_closed_form():
     """N/sqrt(T) = target: T = (N/target)^2; bisection to 1e-9."""
-    found = dwell_time(TriadSpec(random_walk=1e-3), 1e-4)
-    assert found.seconds == pytest.approx(100.0, rel=1e-9)
-    assert found.best_s == np.inf
-    assert found.repeats == 1
+    sigmas = dwell_time(TriadSpec(random_walk=1e-3), 1e-4)
+    assert sigmas.seconds == pytest.approx(100.0, rel=1e-9)
+    assert sigmas.best_s == np.inf
+    assert sigmas.repeats == 1
     directions = attitude_plan("edges").directions
-    found = dwell_time(TriadSpec(random_walk=1e-3), {"b_a_y": 0.5e-4, "M_a_zy": 1.0}, directions)
-    assert found.seconds == pytest.approx(100.0, rel=1e-9)
+    sigmas = dwell_time(TriadSpec(random_walk=1e-3), {"b_a_y": 0.5e-4, "M_a_zy": 1.0}, directions)
+    assert sigmas.seconds == pytest.approx(100.0, rel=1e-9)
 
 
 def test_dwell_knows_when_staying_does_not_help():
     triad = TriadSpec(random_walk=1e-3, bias_instability=1e-4, rate_random_walk=1e-6)
-    found = dwell_time(triad)
+    sigmas = dwell_time(triad)
     # sigma^2 = N^2/T + 0.44 B^2 + K^2 T/3 is least at T = sqrt(3) N/K; grid of 0.6 %
-    assert found.best_s == pytest.approx(np.sqrt(3.0) * 1e3, rel=0.006)
-    best = float(sigma_of_mean(triad, found.best_s))
-    assert sigma_of_mean(triad, found.enough_s) <= 1.1 * best
-    assert sigma_of_mean(triad, 0.95 * found.enough_s) > 1.1 * best
+    assert sigmas.best_s == pytest.approx(np.sqrt(3.0) * 1e3, rel=0.006)
+    best = float(sigma_of_mean(triad, sigmas.best_s))
+    assert sigma_of_mean(triad, sigmas.enough_s) <= 1.1 * best
+    assert sigma_of_mean(triad, 0.95 * sigmas.enough_s) > 1.1 * best
     lost = dwell_time(triad, 0.3 * best)
     assert lost.seconds == np.inf
     assert lost.repeats == int(np.ceil((sigma_of_mean(triad, lost.enough_s) / (0.3 * best)) ** 2))

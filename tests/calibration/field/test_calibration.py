@@ -56,10 +56,12 @@ def recovered(blocks, sign, scene):
     """A unit with errors of one sigma in these blocks, no noise, but a hundredth of it in the filter's mind."""
     options = replace(EXACT, blocks=blocks)
     errors = only(signed(AUTOMOTIVE, sign), blocks)
-    found = calibrated(scene, log_of(scene, errors), quiet(AUTOMOTIVE, 0.01), options, heading=(0.0, 1e-6)).calibration
-    assert found.names == names_of(AUTOMOTIVE, options)
-    prior = np.array([found.prior_sigma[name] for name in found.names])
-    return np.abs(found.values - vector(errors, found.names)) / prior
+    solution = calibrated(
+        scene, log_of(scene, errors), quiet(AUTOMOTIVE, 0.01), options, heading=(0.0, 1e-6)
+    ).calibration
+    assert solution.names == names_of(AUTOMOTIVE, options)
+    prior = np.array([solution.prior_sigma[name] for name in solution.names])
+    return np.abs(solution.values - vector(errors, solution.names)) / prior
 
 
 @pytest.mark.thinned(3)
@@ -150,13 +152,13 @@ def test_agreement_with_a_batch_adjustment(spec, scene):
     imu = log_of(scene, errors, rng)
     heading = (0.01, DEG)
     options = replace(EXACT, earth_rate="vertical")
-    found = calibrated(scene, imu, spec, options, heading=heading).calibration
-    sigma = [found.prior_sigma[n] for n in found.names]
-    batch = Batch.of(imu, scene.rests(imu), spec, found.names, sigma, (LLH[0], 0.0, LLH[2]), heading)
-    values, covariance, _ = batch.solve(found.values)
+    solution = calibrated(scene, imu, spec, options, heading=heading).calibration
+    sigma = [solution.prior_sigma[n] for n in solution.names]
+    batch = Batch.of(imu, scene.rests(imu), spec, solution.names, sigma, (LLH[0], 0.0, LLH[2]), heading)
+    values, covariance, _ = batch.solve(solution.values)
     theirs = np.sqrt(np.diag(covariance))
-    np.testing.assert_allclose((found.values - values) / theirs, 0.0, atol=0.05)
-    np.testing.assert_allclose(found.sigma / theirs, 1.0, atol=0.01)
+    np.testing.assert_allclose((solution.values - values) / theirs, 0.0, atol=0.05)
+    np.testing.assert_allclose(solution.sigma / theirs, 1.0, atol=0.01)
 
 
 # ---------------------------------------------------------------------------------------------------- heading
@@ -184,11 +186,11 @@ def test_a_heading_that_is_hardly_known_is_found():
     scene = Scene.of(replace(thesis_routine(repeats=1), rpy_nb=(0.0, 0.0, -70.0 * DEG)), 50.0)
     errors, rng, _ = drawn(AUTOMOTIVE, 5)
     imu = log_of(scene, errors, rng)
-    untold, told = (calibrated(scene, imu, AUTOMOTIVE, heading=h) for h in (None, (0.0, 60.0 * DEG)))
-    assert told.heading == pytest.approx(untold.heading, abs=0.01)
-    off = (told.calibration.values - untold.calibration.values) / untold.calibration.sigma
+    untold, given = (calibrated(scene, imu, AUTOMOTIVE, heading=h) for h in (None, (0.0, 60.0 * DEG)))
+    assert given.heading == pytest.approx(untold.heading, abs=0.01)
+    off = (given.calibration.values - untold.calibration.values) / untold.calibration.sigma
     np.testing.assert_allclose(off, 0.0, atol=0.05)
-    np.testing.assert_allclose(told.calibration.sigma, untold.calibration.sigma, rtol=0.01)
+    np.testing.assert_allclose(given.calibration.sigma, untold.calibration.sigma, rtol=0.01)
 
 
 def test_a_heading_that_is_wrong_shows():
@@ -239,10 +241,10 @@ def test_an_axis_that_is_never_up_is_named(pitch, missing):
     imu = log_of(scene, signed(AUTOMOTIVE, -1.0), np.random.default_rng(0))
     result = calibrated(scene, imu, AUTOMOTIVE).calibration
     assert result.status == "warning"
-    said = next(line for line in result.verdicts if line.startswith("not determined"))
+    text = next(line for line in result.verdicts if line.startswith("not determined"))
     assert "rest with the" in result.next_pose
     for name in missing:
-        assert name in said
+        assert name in text
         value, sigma = result[name]
         assert sigma > 0.7 * result.prior_sigma[name]
         assert abs(value) < 3.0 * result.prior_sigma[name]
@@ -253,11 +255,11 @@ def test_only_the_blocks_that_are_wanted():
     scene = thesis(1, 50.0)
     unit = only(signed(TACTICAL, 1.0), ("b_a", "b_g"))
     imu = log_of(scene, unit, np.random.default_rng(0))
-    found = calibrated(scene, imu, TACTICAL, FieldOptions(blocks=("b_a", "b_g")))
-    result = found.calibration
+    solution = calibrated(scene, imu, TACTICAL, FieldOptions(blocks=("b_a", "b_g")))
+    result = solution.calibration
     assert result.names == tuple(f"b_{t}_{i}" for t in "ag" for i in "xyz")
     assert result.fixed["M_a_xx"] == 0.0
-    assert np.abs(in_sigmas(found, unit)).max() < 4.5
+    assert np.abs(in_sigmas(solution, unit)).max() < 4.5
     assert not any(name.startswith("G_g") for name in names_of(TACTICAL))
 
 
@@ -308,25 +310,25 @@ def test_the_result_is_that_of_any_other_method():
     scene, seen = thesis(1, 50.0), []
     errors, rng, heading = drawn(AUTOMOTIVE, 8)
     imu = log_of(scene, errors, rng)
-    found = calibrated(scene, imu, AUTOMOTIVE, heading=heading, progress=seen.append)
-    result = found.calibration
+    solution = calibrated(scene, imu, AUTOMOTIVE, heading=heading, progress=seen.append)
+    result = solution.calibration
     assert result.method == "field"
     assert result.gauge == "upper"
     assert seen[-1] == 1.0
     assert np.all(np.diff(seen) >= 0.0)
-    f = found.rests.means(result.apply(imu))[1]
+    f = solution.rests.means(result.apply(imu))[1]
     np.testing.assert_allclose(np.linalg.norm(f, axis=1), 9.79854, atol=6.0 * 0.0083 / np.sqrt(7.0))
     accel = result.residuals["accel"]
     assert np.abs(accel.value / accel.sigma).max() < 4.5  # statistical
     assert accel.rms < 0.02 * np.sqrt(np.mean(accel.before**2))
-    history = found.history
+    history = solution.history
     assert history.names == result.names
     np.testing.assert_allclose(history.sigma[-1], result.sigma, rtol=1e-9)
     np.testing.assert_allclose(history.values[-1], result.values, atol=1e-12)
     assert np.all(history.normalised[0] < 1.0 + 1e-9)
     again = calibrated(scene, imu, AUTOMOTIVE, heading=heading)
     np.testing.assert_array_equal(again.calibration.values, result.values)
-    assert f"{len(found.passes)} passes" in found.summary()
+    assert f"{len(solution.passes)} passes" in solution.summary()
 
 
 def test_rates_and_increments_give_the_same():

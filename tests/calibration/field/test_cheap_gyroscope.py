@@ -31,8 +31,8 @@ def calibrated(ideal, spec=CHEAP, seed=0, unit=CHEAP, **more):
     errors = ImuErrors.draw(unit, rng, gauge="upper")
     imu = simulate_imu(ideal, errors, rng).imu
     heading = (float(rng.standard_normal()) * DEG, DEG)
-    found = calibrate_field(imu, spec, latitude=LLH[0], height=LLH[2], heading=heading, **more)
-    return found, found.calibration.values - vector(errors, found.calibration.names)
+    solution = calibrate_field(imu, spec, latitude=LLH[0], height=LLH[2], heading=heading, **more)
+    return solution, solution.calibration.values - vector(errors, solution.calibration.names)
 
 
 def test_errors_are_as_large_as_stated(ideal):
@@ -42,33 +42,33 @@ def test_errors_are_as_large_as_stated(ideal):
     """
     nees = []
     for seed in range(10):
-        found, e = calibrated(ideal, seed=seed)
-        assert found.calibration.status == "ok"
-        assert len(found.passes) <= 5
-        nees.append(e @ np.linalg.solve(found.calibration.covariance, e))
+        solution, e = calibrated(ideal, seed=seed)
+        assert solution.calibration.status == "ok"
+        assert len(solution.passes) <= 5
+        nees.append(e @ np.linalg.solve(solution.calibration.covariance, e))
     dof = 10 * len(e)
     assert chi2.ppf(1e-4, dof) < sum(nees) < chi2.isf(1e-4, dof)
 
 
 def test_a_specification_that_does_not_allow_the_bias_is_contradicted(ideal):
     """50 deg/s of an automotive unit: the value comes out, but leans to zero by more than its sigma, and it is said."""
-    found, _ = calibrated(ideal, catalogue.spec("yaman-automotive"), seed=3)
-    result = found.calibration
+    solution, _ = calibrated(ideal, catalogue.spec("yaman-automotive"), seed=3)
+    result = solution.calibration
     assert result.status == "warning"
-    said = next(v for v in result.verdicts if v.startswith("not what was known before"))
-    assert "b_g_y is off by" in said
-    assert "more generous" in said
+    match = next(v for v in result.verdicts if v.startswith("not what was known before"))
+    assert "b_g_y is off by" in match
+    assert "more generous" in match
 
 
 def test_one_pass_from_the_prior_is_lost_and_says_so(ideal):
     """The source's single pass: 128 degrees of attitude are lost in the first rest."""
     options = FieldOptions(passes=1)
     try:
-        found, _ = calibrated(ideal, seed=3, options=options)
+        solution, _ = calibrated(ideal, seed=3, options=options)
     except InputError as error:
         assert "diverged" in str(error)  # noqa: PT017
     else:
-        assert found.calibration.variance_of_unit_weight > 100.0
+        assert solution.calibration.variance_of_unit_weight > 100.0
 
 
 def test_passes_that_do_not_settle_are_refused(ideal):
@@ -78,9 +78,9 @@ def test_passes_that_do_not_settle_are_refused(ideal):
         gyro=replace(CHEAP.gyro, turn_on_bias=0.01 * DEG, scale_factor=0.0, misalignment=0.0, g_sensitivity=0.0),
         accel=replace(CHEAP.accel, scale_factor=0.0),
     )
-    found, _ = calibrated(ideal, no_scale, seed=3, options=FieldOptions(passes=3))
-    result = found.calibration
-    said = " ".join(result.verdicts)
+    solution, _ = calibrated(ideal, no_scale, seed=3, options=FieldOptions(passes=3))
+    result = solution.calibration
+    match = " ".join(result.verdicts)
     assert result.status != "ok"
-    assert "not what was known before" in said
-    assert "taken for zero, since the specification of the IMU has no uncertainty for it: S_a, S_g, M_g, G_g" in said
+    assert "not what was known before" in match
+    assert "taken for zero, since the specification of the IMU has no uncertainty for it: S_a, S_g, M_g, G_g" in match

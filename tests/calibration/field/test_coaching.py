@@ -87,18 +87,18 @@ def led(spec, seed, *, heading=None, limit_s=400.0, reaction_s=1.0, coaching=Non
     """Someone who does what the coach says, until it says stop."""
     hand = Person(spec, seed, **person)
     guide = Coach(spec, latitude=LAT, height=HEIGHT, heading=heading, coaching=coaching)
-    said = []
+    messages = []
     while hand.t < limit_s:
         advice = guide.imu(*hand.rest(0.5))
         if advice is None:
             continue
-        said.append(advice)
+        messages.append(advice)
         if advice.done:
             break
         if advice.turn is not None:
             assert guide.imu(*hand.rest(reaction_s)) is None
             guide.imu(*hand.turn(advice.turn))
-    return guide, hand, said
+    return guide, hand, messages
 
 
 @cache
@@ -210,13 +210,13 @@ def test_a_log_is_retraced():
     rests = field_rests(imu)
     assert len(rests) == 3
     before = initial_covariance(AUTOMOTIVE, latitude=LAT, height=HEIGHT)
-    found = covariance_after_log(before, imu, rests, rest_blocks(imu, rests, 1.0), np.zeros(before.layout.size - 9))
-    known = predict_covariance(before, steps).state
+    solution = covariance_after_log(before, imu, rests, rest_blocks(imu, rests, 1.0), np.zeros(before.layout.size - 9))
+    given = predict_covariance(before, steps).state
     # what is known of the parameters to a few per cent: the ends of the rests found are others
-    np.testing.assert_allclose(found.share, known.share, rtol=0.06)
+    np.testing.assert_allclose(solution.share, given.share, rtol=0.06)
     # to the noise of inclinations and turns
-    np.testing.assert_allclose(found.C_nb, known.C_nb, atol=2e-3)
-    np.testing.assert_allclose(found.C_nb @ found.C_nb.T, np.eye(3), atol=1e-9)
+    np.testing.assert_allclose(solution.C_nb, given.C_nb, atol=2e-3)
+    np.testing.assert_allclose(solution.C_nb @ solution.C_nb.T, np.eye(3), atol=1e-9)
 
 
 def test_inclinations_are_those_of_the_accelerometers():
@@ -230,8 +230,8 @@ def test_inclinations_are_those_of_the_accelerometers():
     rests = field_rests(imu)
     assert len(rests) == 11
     before = initial_covariance(TACTICAL, latitude=LAT, height=HEIGHT)
-    found = covariance_after_log(before, imu, rests, rest_blocks(imu, rests, 1.0), np.zeros(before.layout.size - 9))
-    np.testing.assert_allclose(found.C_nb[2], hand.C[2], atol=3e-3)
+    solution = covariance_after_log(before, imu, rests, rest_blocks(imu, rests, 1.0), np.zeros(before.layout.size - 9))
+    np.testing.assert_allclose(solution.C_nb[2], hand.C[2], atol=3e-3)
 
 
 def test_the_prediction_comes_true():
@@ -239,17 +239,17 @@ def test_the_prediction_comes_true():
 
     To 0.02: attitudes are off by what is to be calibrated, rests are a little longer than those foreseen.
     """
-    _, _, said = led_automotive()
-    gains = np.array([[a.gain, b.progress - a.progress] for a, b in pairwise(said)])
+    _, _, messages = led_automotive()
+    gains = np.array([[a.gain, b.progress - a.progress] for a, b in pairwise(messages)])
     assert np.all(gains[:, 0] > 0.0)
     np.testing.assert_allclose(gains[:, 1], gains[:, 0], atol=0.02)
 
 
 def test_shares_are_those_of_the_calibration():
     """The covariance along the turns and rests, and that of the settled passes over the log, heading known."""
-    found, last = shares(calibrated_automotive()), led_automotive()[2][-1]
+    solution, last = shares(calibrated_automotive()), led_automotive()[2][-1]
     for name, share in last.share.items():
-        assert share == pytest.approx(found[name], rel=0.1), name
+        assert share == pytest.approx(solution[name], rel=0.1), name
 
 
 # ------------------------------------------------------------------------------------------- who follows it
@@ -259,31 +259,31 @@ def test_shares_are_those_of_the_calibration():
 @pytest.mark.parametrize("seed", [1, 2])
 def test_automotive_grade_is_found_out_sooner_than_by_the_routine(seed):
     """b_a and S_a within 10 % before the 150 s of the fixed routine, and everything before its 270 s."""
-    _, hand, said = led_automotive(seed)
-    last = said[-1]
+    _, hand, messages = led_automotive(seed)
+    last = messages[-1]
     assert last.done
     assert not last.remaining
     assert not last.out_of_reach
     assert hand.t < 200.0
-    when = next(a.elapsed for a in said if all(a.share[n] < 0.1 for n in FAST))
+    when = next(a.elapsed for a in messages if all(a.share[n] < 0.1 for n in FAST))
     assert when < 100.0
-    found = calibrated_automotive(seed)
-    assert max(found.history.reached()[n] for n in FAST) < 100.0
-    assert max(shares(found).values()) < 0.1
-    assert [a.elapsed for a in said] == sorted(a.elapsed for a in said)
-    assert last.rests == len(found.rests)
+    solution = calibrated_automotive(seed)
+    assert max(solution.history.reached()[n] for n in FAST) < 100.0
+    assert max(shares(solution).values()) < 0.1
+    assert [a.elapsed for a in messages] == sorted(a.elapsed for a in messages)
+    assert last.rests == len(solution.rests)
 
 
 @pytest.mark.campaign
 def test_tactical_grade_stops_at_what_takes_hours():
     """0.1 deg/h of a bias takes (0.125 deg/sqrt(h) / 0.1 deg/h)^2 = 1.6 h: everything else is found out, then stop."""
-    guide, hand, said = led(TACTICAL, 1, heading=KNOWN)
-    last = said[-1]
+    guide, hand, messages = led(TACTICAL, 1, heading=KNOWN)
+    last = messages[-1]
     assert last.done
     assert set(last.out_of_reach) == {"b_g_x", "b_g_y", "b_g_z"}
-    assert next(a.elapsed for a in said if all(a.share[n] < 0.1 for n in FAST)) < 150.0
-    found = guide.calibration()
-    assert {n for n, s in shares(found).items() if s >= 0.1} == set(last.out_of_reach)
+    assert next(a.elapsed for a in messages if all(a.share[n] < 0.1 for n in FAST)) < 150.0
+    solution = guide.calibration()
+    assert {n for n, s in shares(solution).items() if s >= 0.1} == set(last.out_of_reach)
     # the fixed routine of 540 s leaves gyroscope scale factors at 13 to 17 %
     assert hand.t < 350.0
 
@@ -301,8 +301,8 @@ def test_what_is_found_is_true():
 @pytest.mark.campaign
 def test_without_heading_and_with_a_clumsy_hand():
     """Turns 15 % off in angle and axis, from a slanting start, heading unknown: it takes longer, no more."""
-    guide, hand, said = led(AUTOMOTIVE, 3, slop=0.15, rpy=(0.5, -0.3, 2.0))
-    assert said[-1].done
+    guide, hand, messages = led(AUTOMOTIVE, 3, slop=0.15, rpy=(0.5, -0.3, 2.0))
+    assert messages[-1].done
     assert hand.t < 250.0
     # the calibration finds a heading of its own; the coach has looked at four: within a fifth
     assert max(shares(guide.calibration()).values()) < 0.12
@@ -310,9 +310,9 @@ def test_without_heading_and_with_a_clumsy_hand():
 
 def test_a_gyroscope_off_by_20_degrees_a_second():
     """Of a log of one minute: what is found is nearer to the truth than 3 sigma of the target."""
-    guide, hand, said = led(catalogue.spec("MPU-6000"), 2, heading=KNOWN)
+    guide, hand, messages = led(catalogue.spec("MPU-6000"), 2, heading=KNOWN)
     assert np.linalg.norm(hand.errors.b_g) > 10.0 * DEG
-    assert said[-1].done
+    assert messages[-1].done
     result = guide.calibration().calibration
     e = result.values - vector(hand.errors, result.names)
     assert np.max(np.abs(e) / [result.prior_sigma[n] for n in result.names]) < 0.3
@@ -322,8 +322,8 @@ def test_a_gyroscope_off_by_20_degrees_a_second():
 
 
 def test_it_stops_and_stays_stopped():
-    guide, hand, said = deepcopy(led_automotive(2))
-    assert said[-1].done
+    guide, hand, messages = deepcopy(led_automotive(2))
+    assert messages[-1].done
     later = [guide.imu(*hand.rest(0.5)) for _ in range(60)]
     assert any(a is not None for a in later)
     assert all(a.done for a in later if a is not None)
@@ -332,11 +332,11 @@ def test_it_stops_and_stays_stopped():
 @pytest.mark.campaign
 def test_it_does_not_stop_for_one_who_does_nothing():
     guide, hand = Coach(AUTOMOTIVE, latitude=LAT, height=HEIGHT), Person(AUTOMOTIVE, 4)
-    said = [a for a in (guide.imu(*hand.rest(0.5)) for _ in range(120)) if a is not None]
-    assert len(said) > 3
-    assert not any(a.done for a in said)
-    assert all(a.turn is not None for a in said)
-    assert {a.rests for a in said} == {1}
+    messages = [a for a in (guide.imu(*hand.rest(0.5)) for _ in range(120)) if a is not None]
+    assert len(messages) > 3
+    assert not any(a.done for a in messages)
+    assert all(a.turn is not None for a in messages)
+    assert {a.rests for a in messages} == {1}
 
 
 def test_patience_and_target_decide():
@@ -413,13 +413,13 @@ def test_a_log_that_ends_in_a_turn_is_told_to_rest():
 
 
 def test_samples_and_blocks_are_the_same():
-    guide, _, said = led_automotive()
+    guide, _, messages = led_automotive()
     imu = guide.series().between(0.0, 31.0)
     one, two = (Coach(AUTOMOTIVE, latitude=LAT, height=HEIGHT, heading=KNOWN) for _ in range(2))
     single = [a for k in range(len(imu)) if (a := one.imu(imu.t[k], imu.gyro[k], imu.accel[k])) is not None]
     # a sample at a time asks up to half a second earlier
-    assert len(single) == sum(a.elapsed < 31.0 for a in said)
-    assert [a.progress for a in single] == pytest.approx([a.progress for a in said[: len(single)]], abs=0.03)
+    assert len(single) == sum(a.elapsed < 31.0 for a in messages)
+    assert [a.progress for a in single] == pytest.approx([a.progress for a in messages[: len(single)]], abs=0.03)
     two.imu(imu.t, imu.gyro, imu.accel)
     assert two.update().rests == single[-1].rests
 
@@ -445,11 +445,11 @@ def test_live_rests_are_those_of_the_finished_log():
         live.first_rest()
         if i % 200 == 0:
             live.rests()
-    whole, found = field_rests(imu), live.rests()
-    assert len(found) == len(whole)
-    np.testing.assert_allclose(found.start, whole.start, atol=0.25)
-    np.testing.assert_allclose(found.stop, whole.stop, atol=0.25)
-    np.testing.assert_array_equal(found.mask, [any(a <= k < b for a, b in found.index) for k in range(len(imu))])
+    whole, solution = field_rests(imu), live.rests()
+    assert len(solution) == len(whole)
+    np.testing.assert_allclose(solution.start, whole.start, atol=0.25)
+    np.testing.assert_allclose(solution.stop, whole.stop, atol=0.25)
+    np.testing.assert_array_equal(solution.mask, [any(a <= k < b for a, b in solution.index) for k in range(len(imu))])
 
 
 def test_handling_is_not_taken_for_noise_for_ever():
@@ -458,9 +458,9 @@ def test_handling_is_not_taken_for_noise_for_ever():
     guide = Coach(AUTOMOTIVE, latitude=LAT, height=HEIGHT)
     for k in range(20):
         guide.imu(*hand.turn(Turn("xyz"[k % 3], (-1) ** k * 9.0 * DEG, 0.5), rate=18.0 * DEG))
-    said = [a for a in (guide.imu(*hand.rest(0.5)) for _ in range(40)) if a is not None]
-    assert said
-    assert said[-1].rests == 1
+    messages = [a for a in (guide.imu(*hand.rest(0.5)) for _ in range(40)) if a is not None]
+    assert messages
+    assert messages[-1].rests == 1
     guide.imu(*hand.turn(Turn("x", 90.0 * DEG, 2.5)))
     assert guide.moving
     for _ in range(14):
@@ -556,11 +556,11 @@ def test_options_and_an_earlier_calibration_are_taken_over():
     assert thesis.progress < fresh.progress
     earlier = calibrated_automotive().calibration
     layout, _ = prior_from_calibration(field_layout(AUTOMOTIVE, FieldOptions()), earlier)
-    known = dict(zip(parameter_names(layout), np.sqrt(layout.initial_variances()), strict=True))
+    given = dict(zip(parameter_names(layout), np.sqrt(layout.initial_variances()), strict=True))
     again = coach(imu, AUTOMOTIVE, latitude=LAT, height=HEIGHT, prior=earlier)
     # what was known better before comes down less, and is better known after
     assert min(again.share[n] / fresh.share[n] for n in fresh.share) > 1.0
-    assert max(again.share[n] * known[n] / (fresh.share[n] * earlier.prior_sigma[n]) for n in fresh.share) < 1.0
+    assert max(again.share[n] * given[n] / (fresh.share[n] * earlier.prior_sigma[n]) for n in fresh.share) < 1.0
     # most of what took 80 s does not come down to a tenth of it in five minutes, and nothing in half a minute
     assert len(again.out_of_reach) > 20
     hasty = CoachOptions(patience_s=30.0)

@@ -92,8 +92,8 @@ def test_what_walks_and_decays_does_so_by_real_time():
     tau = after.models["b_g"].tau
     assert tau is not None
     assert np.exp(-less / tau) == pytest.approx(np.exp(-T / 5.0), rel=1e-12)
-    (rate, density), (before, known) = after.dynamics()[3], layout.dynamics()[3]
-    assert density / rate == pytest.approx(known / before, rel=1e-12)  # the variance it settles at
+    (rate, density), (before, density_given) = after.dynamics()[3], layout.dynamics()[3]
+    assert density / rate == pytest.approx(density_given / before, rel=1e-12)  # the variance it settles at
 
 
 @pytest.mark.parametrize("spec", [AUTOMOTIVE, TACTICAL], ids=["automotive", "tactical"])
@@ -104,9 +104,9 @@ def test_sigmas_are_those_of_the_bound(spec):
     """
     scene = thesis(2)
     errors, rng, heading = drawn(spec, 5)
-    found = calibrated(scene, log_of(scene, errors, rng), spec, FieldOptions(rescale=False), heading=heading)
+    solution = calibrated(scene, log_of(scene, errors, rng), spec, FieldOptions(rescale=False), heading=heading)
     bound = information_bound(spec, scene.routine, tuple(LLH), heading_sigma=DEG, settle_s=0.1)
-    ratio = [s / bound[n] for n, s in zip(found.calibration.names, found.calibration.sigma, strict=True)]
+    ratio = [s / bound[n] for n, s in zip(solution.calibration.names, solution.calibration.sigma, strict=True)]
     assert 0.98 < min(ratio) <= max(ratio) < 1.03
 
 
@@ -128,9 +128,9 @@ def test_a_hand_that_tilts_is_found_out_and_sigmas_are_honest(spec, runs):
 
     Held in spite of it NEES is 2 and 5 (8 runs).
     """
-    mean, _, found = campaign(thesis(1, 50.0), spec, runs, tilting)
+    mean, _, solution = campaign(thesis(1, 50.0), spec, runs, tilting)
     assert mean < band(runs, 21)[1]
-    for one in found:
+    for one in solution:
         assert set(one.nis) == {"gravity_vector", "earth_rate"}
         assert any("sways at rest" in line for line in one.calibration.verdicts)
     forced, _, _ = campaign(thesis(1, 50.0), spec, 2, tilting, FieldOptions(earth_rate="vector"))

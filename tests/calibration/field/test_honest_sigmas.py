@@ -63,13 +63,13 @@ def test_sigmas_are_honest_when_the_noise_is_not_as_stated(spoil, factor, allowe
     NEES seen over 60 runs: 1.00, 1.02, 1.16 (the sway also tilts what is taken for up), 0.91. Without the test of rests
     the last two are 1.8 and 3.2.
     """
-    mean, _, found = campaign(thesis(2, 50.0), AUTOMOTIVE, runs, spoil)
+    mean, _, solutions = campaign(thesis(2, 50.0), AUTOMOTIVE, runs, spoil)
     low, high = band(runs, 30)
     assert low < mean < high + allowed
-    enlarged = [r.calibration.extra["noise_enlarged"].get("gravity_vector", 1.0) for r in found]
+    enlarged = [r.calibration.extra["noise_enlarged"].get("gravity_vector", 1.0) for r in solutions]
     assert factor[0] <= np.mean(enlarged) <= factor[1]
     if factor[1] > 1.0:
-        assert any("times as large as the noise at rest" in line for line in found[0].calibration.verdicts)
+        assert any("times as large as the noise at rest" in line for line in solutions[0].calibration.verdicts)
 
 
 def test_noise_is_not_enlarged_if_not_wanted():
@@ -165,11 +165,11 @@ def test_the_source_takes_earth_rate_for_g_sensitivity(runs):
     assert ppm[0] > 0.0 > max(ppm[1:])  # x the other way, y and z far more
     assert np.all(ppm[1:] < -3.0 * ppm_error[1:])
     assert mean > 2.0
-    honest, error, found = campaign(scene, AUTOMOTIVE, runs)
+    honest, error, solutions = campaign(scene, AUTOMOTIVE, runs)
     low, high = band(runs, 30)
     assert low < honest < high
     for k in diagonal + scale:
-        limit = 3.5 * found[0].calibration.sigma[k] / np.sqrt(runs)  # statistical
+        limit = 3.5 * solutions[0].calibration.sigma[k] / np.sqrt(runs)  # statistical
         assert abs(error[:, k].mean()) < limit, names[k]
 
 

@@ -192,12 +192,12 @@ def test_an_ideal_imu_mechanizes_back_to_rest(motion):
         ideal = ideal_imu(motion, rate_hz)
         true = ideal.truth
         log = ImuSeries(ideal.t[1:], ideal.gyro, ideal.accel, "increment")
-        found = mechanize(log.increments(), NavState(0.0, true.r_eb_e[0], true.v_eb_e[0], true.q_eb[0]))
+        path = mechanize(log.increments(), NavState(0.0, true.r_eb_e[0], true.v_eb_e[0], true.q_eb[0]))
         error.append(
             (
-                np.abs(found.r_eb_e - true.r_eb_e[1:]).max(),
-                np.linalg.norm(found.v_eb_e[-1]),
-                np.abs(rotation.quat_multiply(rotation.quat_conjugate(found.q_eb[-1]), true.q_eb[-1])[1:]).max(),
+                np.abs(path.r_eb_e - true.r_eb_e[1:]).max(),
+                np.linalg.norm(path.v_eb_e[-1]),
+                np.abs(rotation.quat_multiply(rotation.quat_conjugate(path.q_eb[-1]), true.q_eb[-1])[1:]).max(),
             )
         )
     assert error[0][0] < 8e-3

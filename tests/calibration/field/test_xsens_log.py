@@ -56,15 +56,15 @@ def field(imu, spec=SPEC, **more):
 
 
 @pytest.fixture(scope="module")
-def found(bench):
+def solution(bench):
     return field(bench[1])
 
 
-def test_field_and_bench_agree_on_every_parameter(bench, found):
+def test_field_and_bench_agree_on_every_parameter(bench, solution):
     """Within 3 combined sigma, all 30; seen 1.27. One log, so the errors are much the same and that is generous:
     the two differ in the rests they take, in Earth rate, and in what happens to the attitude between rests.
     """
-    result = found.calibration
+    result = solution.calibration
     assert result.status == "ok", result.verdicts
     assert result.gauge == bench[0].gauge == "upper"
     shared = [name for name in result.names if name in bench[0].names]
@@ -80,15 +80,17 @@ def test_field_and_bench_agree_on_every_parameter(bench, found):
         assert 1.0 / 3.0 < result[name][1] / theirs(bench, name)[1] < 3.0, name
 
 
-def test_what_the_log_says_of_its_noise(found):
+def test_what_the_log_says_of_its_noise(solution):
     """Poses scatter by 1.1 mm/s^2 beyond noise, as the bench method finds too; rates do not."""
-    assert 36 <= len(found.rests) <= 42
-    enlarged = found.calibration.extra["noise_enlarged"]
+    assert 36 <= len(solution.rests) <= 42
+    enlarged = solution.calibration.extra["noise_enlarged"]
     assert set(enlarged) == {"gravity_vector"}
     assert 2.0 < enlarged["gravity_vector"] < 12.0
-    assert any("times as large as the noise at rest" in line for line in found.calibration.verdicts)
-    assert all(0.2 < mean < 1.3 for mean, _ in found.nis.values()), found.nis  # enlarged for rests, so small for blocks
-    accel = found.calibration.residuals["accel"]
+    assert any("times as large as the noise at rest" in line for line in solution.calibration.verdicts)
+    assert all(0.2 < mean < 1.3 for mean, _ in solution.nis.values()), (
+        solution.nis
+    )  # enlarged for rests, so small for blocks
+    accel = solution.calibration.residuals["accel"]
     assert accel.rms < 1.3e-3
     assert accel.rms < 0.01 * np.sqrt(np.mean(accel.before**2))
 
@@ -110,7 +112,7 @@ def test_what_the_log_says_of_its_noise(found):
 )  # fmt: skip
 @pytest.mark.thinned(3)
 @pytest.mark.thinned(2)
-def test_it_does_not_depend_on_what_is_chosen(bench, found, change):
+def test_it_does_not_depend_on_what_is_chosen(bench, solution, change):
     """Within 1.5 sigma of the same log's result with other settings. Statistical in part: they weigh readings anew.
 
     Within 2 where rests are not held (seen 1.85, M_a_xz): what is known of the attitude then is another thing. The
@@ -120,9 +122,9 @@ def test_it_does_not_depend_on_what_is_chosen(bench, found, change):
     assert other.status != "refused", other.verdicts
     form = change["options"].earth_rate if "options" in change else "vector"
     free, most = ("b_g", "G_g") if form == "off" else (), 1.5 if form == "vector" else 2.0
-    for name, sigma in zip(found.calibration.names, found.calibration.sigma, strict=True):
+    for name, sigma in zip(solution.calibration.names, solution.calibration.sigma, strict=True):
         if name[:3] not in free:  # without Earth rate the vertical rate is not held to anything
-            assert abs(other[name][0] - found.calibration[name][0]) < most * max(sigma, other[name][1]), name
+            assert abs(other[name][0] - solution.calibration[name][0]) < most * max(sigma, other[name][1]), name
 
 
 def test_a_model_that_lacks_g_sensitivity_is_believed_only_as_far_as_it_is_right(bench):

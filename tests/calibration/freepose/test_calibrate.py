@@ -116,12 +116,12 @@ def test_a_factor_found_and_a_factor_stated_are_the_same():
     """Values and covariance do not depend on who named the factor: to a hundredth of sigma, where iterations end."""
     rates = log_of(noisy(some_errors())).rates()
     raw = ImuSeries(rates.t, rates.gyro * 4778.0 + 32768.0, rates.accel * 415.0 + 32768.0)
-    found = calibrate_freepose(raw, g_sensitivity=True)
-    stated = calibrate_freepose(raw, g_sensitivity=True, nominal=found.nominal)
-    assert found.nominal[1] != 1.0
-    assert (np.abs(found.values - stated.values) < 0.01 * found.sigma).all()
-    np.testing.assert_allclose(found.sigma, stated.sigma, rtol=1e-3)
-    np.testing.assert_allclose(found.correlation, stated.correlation, atol=1e-3)
+    calibration = calibrate_freepose(raw, g_sensitivity=True)
+    stated = calibrate_freepose(raw, g_sensitivity=True, nominal=calibration.nominal)
+    assert calibration.nominal[1] != 1.0
+    assert (np.abs(calibration.values - stated.values) < 0.01 * calibration.sigma).all()
+    np.testing.assert_allclose(calibration.sigma, stated.sigma, rtol=1e-3)
+    np.testing.assert_allclose(calibration.correlation, stated.correlation, atol=1e-3)
 
 
 @pytest.mark.parametrize("nominal", [(1.0, 1.0), (1.3, 0.4), (0.5, 3.0)])

@@ -200,9 +200,9 @@ def test_good3_with_the_published_search(shared_data, robust):
     check_good3(their_form(result), expected, gyro=2e-3)  # all samples of them, short turns with more weight
 
 
-def check_good3(found, expected, gyro=1.5e-3):
+def check_good3(calibration, expected, gyro=1.5e-3):
     """Biases of the accelerometers as a share of gravity."""
-    (T, K, B), (Tg, Kg, Bg) = found
+    (T, K, B), (Tg, Kg, Bg) = calibration
     np.testing.assert_allclose(T, expected["acc"]["T"], atol=1e-3)
     np.testing.assert_allclose(K, expected["acc"]["K"], atol=1e-3)
     np.testing.assert_allclose(B / SNU_G, np.array(expected["acc"]["B"]) / SNU_G, atol=1e-3)

@@ -169,10 +169,10 @@ def test_one_disturbed_turn_counts_for_little():
 
 def test_given_intervals_are_used():
     imu = log_of()
-    found = calibrate_freepose(imu)
-    spans = [tuple(s) for s in found.extra["intervals"]]
+    calibration = calibrate_freepose(imu)
+    spans = [tuple(s) for s in calibration.extra["intervals"]]
     again = calibrate_freepose(imu, intervals=spans)
-    np.testing.assert_allclose(again.values, found.values, atol=1e-12)
+    np.testing.assert_allclose(again.values, calibration.values, atol=1e-12)
     assert np.isnan(again.extra["margin"])
     fewer = calibrate_freepose(imu, intervals=spans[:15])
     assert fewer.extra["poses"] == 15
@@ -291,10 +291,10 @@ def test_g_sensitivity_is_estimated_where_the_log_proves_it():
     """Without being asked for; switched off it is offered; a log without it has none, and no word of it."""
     G = 2e-4 * np.array([[1.0, -0.5, 0.2], [0.3, -1.0, 0.6], [-0.4, 0.8, 0.7]])
     imu = log_of(errors=replace(ERRORS, G_g=G))
-    found = calibrate_freepose(imu)
-    values = np.array([found[f"G_g_{i}{j}"] for i in "xyz" for j in "xyz"])
+    calibration = calibrate_freepose(imu)
+    values = np.array([calibration[f"G_g_{i}{j}"] for i in "xyz" for j in "xyz"])
     assert (np.abs(values[:, 0] - G.ravel()) < 4.0 * values[:, 1]).all()  # statistical
-    assert any("g_sensitivity=False switches it off" in v for v in found.verdicts)
+    assert any("g_sensitivity=False switches it off" in v for v in calibration.verdicts)
     off = calibrate_freepose(imu, g_sensitivity=False)
     assert any("g_sensitivity=True estimates it" in v for v in off.verdicts)
     assert "G_g_xx" not in off.names

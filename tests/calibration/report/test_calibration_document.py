@@ -64,15 +64,15 @@ def test_texts_of_the_user_are_escaped(source):
 
 def test_the_verdict_stands_first_in_plain_words(page, source):
     assert source.index('id="verdict"') < source.index('id="parameters"')
-    said = page.text["p"]
+    message = page.text["p"]
     assert any(
         re.fullmatch(
             r"M_a_zz, scale factor of the z accelerometer, not determined: no pose with z beyond \d+ degrees .*", s
         )
-        for s in said
+        for s in message
     )
-    assert "Next: Put x down, tilted by 30 degrees." in said
-    assert "Multiposition calibration: warning, can be used with care." in said
+    assert "Next: Put x down, tilted by 30 degrees." in message
+    assert "Multiposition calibration: warning, can be used with care." in message
 
 
 def test_every_parameter_has_both_units_and_one_sigma(result, page):
@@ -188,10 +188,10 @@ def test_the_map_is_of_equal_area():
 )
 def test_largest_gap(poses, angle):
     """Closed forms; discretisation: the grid has a point in every 2.5 degrees."""
-    found, where = calibration_panels.largest_gap(poses)
-    assert found == pytest.approx(angle, abs=np.radians(2.5))
+    gap, where = calibration_panels.largest_gap(poses)
+    assert gap == pytest.approx(angle, abs=np.radians(2.5))
     assert np.linalg.norm(where) == pytest.approx(1.0)
-    assert np.arccos(np.clip(poses @ where, -1.0, 1.0)).min() == pytest.approx(found)
+    assert np.arccos(np.clip(poses @ where, -1.0, 1.0)).min() == pytest.approx(gap)
 
 
 def test_histograms_count_every_pose(result):
@@ -233,8 +233,8 @@ def test_one_figure_or_all(result):
 @pytest.mark.parametrize("direction", ATTITUDES, ids=words_of)
 def test_the_next_pose_is_drawn_as_it_is_said(direction):
     """ "z up" is in the words of an edge, too."""
-    said = result_from("m", {"b_a_x": (0.0, 1.0)}, "full", next_pose=f"put the unit with {words_of(direction)}")
-    np.testing.assert_array_equal(next_direction(said), direction)
+    message = result_from("m", {"b_a_x": (0.0, 1.0)}, "full", next_pose=f"put the unit with {words_of(direction)}")
+    np.testing.assert_array_equal(next_direction(message), direction)
 
 
 def test_advice_on_other_things_is_not_drawn():

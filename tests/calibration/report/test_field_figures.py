@@ -45,7 +45,7 @@ def imu(errors):
 
 
 @pytest.fixture(scope="module")
-def found(imu):
+def solution(imu):
     return calibrate_field(imu, SPEC, latitude=LLH[0], height=LLH[2], heading=(0.0, DEG))
 
 
@@ -57,10 +57,10 @@ def panel_of(figure, title):
     return next(p for p in figure.panels if p.title == title)
 
 
-def test_every_parameter_is_in_one_panel(found):
+def test_every_parameter_is_in_one_panel(solution):
     """Three at most in each: biases, scale factors, cross-coupling; matrices of the gyroscopes row by row."""
-    groups = field_panels.groups(found.history.names)
-    assert sorted(n for g in groups for n in g) == sorted(found.history.names)
+    groups = field_panels.groups(solution.history.names)
+    assert sorted(n for g in groups for n in g) == sorted(solution.history.names)
     assert groups[:3] == [
         ("b_a_x", "b_a_y", "b_a_z"), ("M_a_xx", "M_a_yy", "M_a_zz"), ("M_a_xy", "M_a_xz", "M_a_yz"),
     ]  # fmt: skip
@@ -69,9 +69,9 @@ def test_every_parameter_is_in_one_panel(found):
     assert all(1 <= len(g) <= 3 for g in groups)
 
 
-def test_the_uncertainty_left_is_the_root_of_the_normalised_variance(found):
-    figure = field_panels.convergence(found)
-    history = found.history
+def test_the_uncertainty_left_is_the_root_of_the_normalised_variance(solution):
+    figure = field_panels.convergence(solution)
+    history = solution.history
     panel = panel_of(figure, "M_a_xx, M_a_yy, M_a_zz")
     (curve,) = items(panel, Line, "second")
     expected = history.sigma[:, history.names.index("M_a_yy")] / SPEC.accel.scale_factor
@@ -81,14 +81,14 @@ def test_the_uncertainty_left_is_the_root_of_the_normalised_variance(found):
     np.testing.assert_array_equal(tenth.y, [0.1, 0.1])
     assert panel.log
     # the last value is what the result says is left
-    assert curve.y[-1] == pytest.approx(found.calibration.observability["M_a_yy"])
+    assert curve.y[-1] == pytest.approx(solution.calibration.observability["M_a_yy"])
     low, high = panel.y_limits
     assert all(low < c.y.min() and c.y.max() < high for p in figure.panels for c in items(p, Line))
 
 
-def test_estimates_stand_in_data_sheet_units_with_three_sigma(found):
-    panel = panel_of(field_panels.estimates(found), "b_g_x, b_g_y, b_g_z")
-    value, sigma = found.calibration["b_g_z"]
+def test_estimates_stand_in_data_sheet_units_with_three_sigma(solution):
+    panel = panel_of(field_panels.estimates(solution), "b_g_x, b_g_y, b_g_z")
+    value, sigma = solution.calibration["b_g_z"]
     (curve,) = items(panel, Line, "third")
     assert curve.y[-1] == pytest.approx(value / DEG_PER_HR)
     (band,) = items(panel, Band, "third ±3 sigma")
@@ -97,9 +97,9 @@ def test_estimates_stand_in_data_sheet_units_with_three_sigma(found):
     assert not items(panel, Line, "true")
 
 
-def test_truth_is_brought_into_the_axes_of_the_calibration(found, errors):
+def test_truth_is_brought_into_the_axes_of_the_calibration(solution, errors):
     """M of a fixture differs from its upper form by 10 mrad, a hundred sigma of the estimate."""
-    panel = panel_of(field_panels.estimates(found, errors), "M_a_xy, M_a_xz, M_a_yz")
+    panel = panel_of(field_panels.estimates(solution, errors), "M_a_xy, M_a_xz, M_a_yz")
     names = ("M_a_xy", "M_a_xz", "M_a_yz")
     true = vector(in_gauge(errors, "upper"), names) / sheet("M_a_xy").factor
     drawn = [line.y[0] for line in items(panel, Line, "true")]
@@ -110,23 +110,23 @@ def test_truth_is_brought_into_the_axes_of_the_calibration(found, errors):
     assert all(low - 1.0 < t < high + 1.0 for (low, high), t in zip(ends, true, strict=True))
 
 
-def test_part_of_the_truth_is_drawn_where_it_is_known(found):
-    figure = field_panels.estimates(found, {"b_a_y": 0.3})
+def test_part_of_the_truth_is_drawn_where_it_is_known(solution):
+    figure = field_panels.estimates(solution, {"b_a_y": 0.3})
     assert [len(items(p, Line, "true")) for p in figure.panels] == [1] + [0] * (len(figure.panels) - 1)
     (line,) = items(figure.panels[0], Line, "true")
     np.testing.assert_allclose(line.y, 0.3 / MG)
 
 
-def test_rests_show_what_was_read_too_much(found):
-    figure = field_panels.rests(found)
-    r = found.calibration.residuals["accel"]
+def test_rests_show_what_was_read_too_much(solution):
+    figure = field_panels.rests(solution)
+    r = solution.calibration.residuals["accel"]
     up, accel, gyro = figure.panels
-    assert len(items(up, Span)) == len(found.rests) == len(r.value)
+    assert len(items(up, Span)) == len(solution.rests) == len(r.value)
     assert [s.label for s in items(up, Span)][:2] == ["at rest", ""]
     (before,), (after,) = items(accel, Markers, "before"), items(accel, Markers, "after")
     np.testing.assert_allclose(before.y, np.abs(r.before) / MG)
     np.testing.assert_allclose(after.y, np.abs(r.value) / MG)
-    assert ((found.rests.start < before.x) & (before.x < found.rests.stop)).all()
+    assert ((solution.rests.start < before.x) & (before.x < solution.rests.stop)).all()
     assert np.sqrt(np.mean(before.y**2)) > 20.0 * np.sqrt(np.mean(after.y**2))
     assert "deg/h" in gyro.y_label
     strokes = items(up, Line, "z")[0]
@@ -135,17 +135,17 @@ def test_rests_show_what_was_read_too_much(found):
     assert np.isnan(strokes.y[2])
 
 
-def test_perfect_data_have_a_logarithm(found):
-    r = found.calibration.residuals["accel"]
-    perfect = replace(found.calibration, residuals={"accel": replace(r, value=np.zeros_like(r.value))})
-    panel = field_panels.rests(replace(found, calibration=perfect)).panels[1]
+def test_perfect_data_have_a_logarithm(solution):
+    r = solution.calibration.residuals["accel"]
+    perfect = replace(solution.calibration, residuals={"accel": replace(r, value=np.zeros_like(r.value))})
+    panel = field_panels.rests(replace(solution, calibration=perfect)).panels[1]
     assert (items(panel, Markers, "after")[0].y > 0.0).all()
 
 
-def test_innovations_are_those_the_mean_square_is_of(found):
-    figure = field_panels.innovations(found)
-    assert len(figure.panels) == len(found.nis)
-    for panel, (kind, (_, count)) in zip(figure.panels, found.nis.items(), strict=True):
+def test_innovations_are_those_the_mean_square_is_of(solution):
+    figure = field_panels.innovations(solution)
+    assert len(figure.panels) == len(solution.nis)
+    for panel, (kind, (_, count)) in zip(figure.panels, solution.nis.items(), strict=True):
         z = np.concatenate([m.y for m in items(panel, Markers)])
         assert len(z) == count
         assert f"{np.mean(z**2):.2f}" in panel.title
@@ -158,30 +158,30 @@ def test_innovations_are_those_the_mean_square_is_of(found):
 def test_scalar_innovations_squared_are_the_filters_own(imu):
     """For one component, z squared is the normalised innovation squared."""
     options = FieldOptions(earth_rate="vertical")
-    found = calibrate_field(imu, SPEC, latitude=LLH[0], height=LLH[2], heading=(0.0, DEG), options=options)
-    z = found.innovations["earth_rate"].z[:, 0]
-    mean, count = found.nis["earth_rate"]
+    solution = calibrate_field(imu, SPEC, latitude=LLH[0], height=LLH[2], heading=(0.0, DEG), options=options)
+    z = solution.innovations["earth_rate"].z[:, 0]
+    mean, count = solution.nis["earth_rate"]
     assert np.mean(z**2) == pytest.approx(mean)
     assert len(z) == count
 
 
-def test_one_figure_by_name(found, errors):
-    drawn = found.plot()
+def test_one_figure_by_name(solution, errors):
+    drawn = solution.plot()
     assert isinstance(drawn, MplFigure)
     visible = [ax for ax in drawn.axes if ax.get_visible()]
-    assert len(visible) == len(field_panels.groups(found.history.names))
-    assert len(field_figure(found, "rests").axes) == 3
-    field_figure(found, "estimates", truth=errors).draw_without_rendering()
+    assert len(visible) == len(field_panels.groups(solution.history.names))
+    assert len(field_figure(solution, "rests").axes) == 3
+    field_figure(solution, "estimates", truth=errors).draw_without_rendering()
     with pytest.raises(
         InputError, match=r"which: expected one of what there is \(convergence, estimates, rests, innov"
     ):
-        found.plot(which="sphere")
+        solution.plot(which="sphere")
 
 
 @pytest.mark.campaign
-def test_files_of_all_figures_and_the_same_bytes(found, tmp_path):
+def test_files_of_all_figures_and_the_same_bytes(solution, tmp_path):
     first, again = (
-        save_calibration_figures(found.calibration, tmp_path / name, ("svg",), field=found) for name in "ab"
+        save_calibration_figures(solution.calibration, tmp_path / name, ("svg",), field=solution) for name in "ab"
     )
     stems = [p.stem for p in first]
     assert stems[:4] == ["residuals", "coverage", "before_after", "parameters"]
@@ -191,27 +191,27 @@ def test_files_of_all_figures_and_the_same_bytes(found, tmp_path):
     assert all(a.read_bytes() == b.read_bytes() for a, b in zip(first, again, strict=True))
 
 
-def test_the_page_has_a_section_on_how_it_came_about(found, errors, tmp_path):
-    source = found.report(tmp_path / "a.html", truth=errors).read_text(encoding="utf-8")
+def test_the_page_has_a_section_on_how_it_came_about(solution, errors, tmp_path):
+    source = solution.report(tmp_path / "a.html", truth=errors).read_text(encoding="utf-8")
     heads = re.findall(r"<h2>(.*?)</h2>", source)
     assert heads[:3] == ["Parameters", "Residuals", "How it came about"]
     section = source[source.index('id="history"') : source.index('id="coverage"')]
-    assert f"{len(found.passes)} passes over the log" in section
+    assert f"{len(solution.passes)} passes over the log" in section
     assert "25 intervals at rest" in section
     assert "below a tenth from" in section
-    assert section.count("<tr>") == len(found.history.names) + 1
+    assert section.count("<tr>") == len(solution.history.names) + 1
     data = Page(source).figures
     for name in ("field_convergence", "field_estimates", "field_rests", "field_innovations"):
         assert any(v is not None for panel in data[name] for trace in panel["data"] for v in trace["y"])
     used = set(re.findall(r'"(--[a-z-]+)"', json.dumps(data))) | set(re.findall(r"var\((--[a-z-]+)\)", source))
     assert used <= set(re.findall(r"(--[a-z-]+):", source))
     assert not re.search(r"\b(nan|inf|NaN|Infinity)\b", Page(source).plain.replace("isNaN", ""))
-    again = found.report(tmp_path / "b.html", truth=errors).read_text(encoding="utf-8")
+    again = solution.report(tmp_path / "b.html", truth=errors).read_text(encoding="utf-8")
     assert again == source
 
 
-def test_a_result_alone_has_no_such_section(found, tmp_path):
-    assert 'id="history"' not in found.calibration.report(tmp_path / "a.html").read_text(encoding="utf-8")
+def test_a_result_alone_has_no_such_section(solution, tmp_path):
+    assert 'id="history"' not in solution.calibration.report(tmp_path / "a.html").read_text(encoding="utf-8")
 
 
 def test_a_single_pass_is_told(imu, tmp_path):
@@ -226,8 +226,11 @@ def test_a_single_pass_is_told(imu, tmp_path):
     ]  # fmt: skip
 
 
-def test_the_summary_tells_of_rests_and_passes(found):
-    text = found.summary()
-    assert found.calibration.summary() in text
-    assert f"{len(found.passes)} passes, the last moved no parameter by more than {found.last_move:.2g} sigma" in text
-    assert found.last_move < FieldOptions().settled
+def test_the_summary_tells_of_rests_and_passes(solution):
+    text = solution.summary()
+    assert solution.calibration.summary() in text
+    assert (
+        f"{len(solution.passes)} passes, the last moved no parameter by more than {solution.last_move:.2g} sigma"
+        in text
+    )
+    assert solution.last_move < FieldOptions().settled

@@ -230,8 +230,8 @@ def test_summary_says_what_is_not_determined_and_how_far_the_poses_came():
         f"{reach:.0f} degrees out of the level." in text
     )
     assert "M_a_xx, scale" not in text
-    told = replace(result, verdicts=("M_a_zz is not determined, put z up",))
-    assert told.summary().count("not determined") == 2  # the verdict and the table: not said twice
+    doubtful = replace(result, verdicts=("M_a_zz is not determined, put z up",))
+    assert doubtful.summary().count("not determined") == 2  # the verdict and the table: not said twice
 
 
 @pytest.mark.parametrize(

@@ -68,8 +68,8 @@ def test_perfect_ramp_is_exact(shape, n):
     assert result.status == "ok", result.verdicts
     assert result.gauge == "full"
     for name, k in zip((*BIAS_G, *BIAS_A), c, strict=True):
-        found = np.array(thermal(result)["coefficients"][name])
-        np.testing.assert_allclose((found - k) * 45.0 ** np.arange(4), 0.0, atol=1e-9 * abs(k[0]) + 2e-14)
+        coefficients = np.array(thermal(result)["coefficients"][name])
+        np.testing.assert_allclose((coefficients - k) * 45.0 ** np.arange(4), 0.0, atol=1e-9 * abs(k[0]) + 2e-14)
         assert result[name][0] == pytest.approx(k[0], abs=1e-9 * abs(k[0]) + 2e-14)
         assert not thermal(result)["hysteresis"][name]["found"]
     out = compensate_thermal(result, log(T, Y[:, :3], Y[:, 3:] + F))
@@ -300,9 +300,9 @@ def test_inserted_hysteresis_of_a_ramp_is_found(size):
     Y = curve(T)[:, None] + sigma * rng.standard_normal((n, 3))
     Y[:, 1] += lens
     result = calibrate_thermal(log(T, Y))
-    found = {n: thermal(result)["hysteresis"][n] for n in BIAS_G}
-    assert [h["found"] for h in found.values()] == [False, True, False]
-    h = found["b_g_y"]
+    coefficients = {n: thermal(result)["hysteresis"][n] for n in BIAS_G}
+    assert [h["found"] for h in coefficients.values()] == [False, True, False]
+    h = coefficients["b_g_y"]
     assert abs(h["largest"] - size) < 4.0 * h["sigma"]
     assert h["largest"] == pytest.approx(size, rel=0.1)
     assert h["temperature"] == pytest.approx(25.0, abs=8.0)
@@ -349,8 +349,8 @@ def test_degree_by_criterion():
     T, rng = there_and_back(n), np.random.default_rng(16)
     x = (T - 25.0) / 45.0
     Y = 1e-3 * np.stack([x, x**3, x**5], axis=1) + 2e-5 * rng.standard_normal((n, 3))
-    found = thermal(calibrate_thermal(log(T, Y), degree="auto"))["degree"]
-    assert [found[n] for n in BIAS_G] == [1, 3, 5]
+    coefficients = thermal(calibrate_thermal(log(T, Y), degree="auto"))["degree"]
+    assert [coefficients[n] for n in BIAS_G] == [1, 3, 5]
     result = calibrate_thermal(log(T, Y))
     assert [v for v in result.verdicts if "leaves structure" in v] == [
         "b_g_z: degree 3 leaves structure; degree 5 describes it (BIC)"
@@ -427,12 +427,12 @@ def test_ramp_one_way_cannot_show_hysteresis():
 
 def test_branches_of_a_wiggly_ramp():
     T = three_ways(3000) + 0.8 * np.sin(np.arange(3000) / 30.0)
-    found = thermal_log.branches(T, 4.0)
-    assert [b.direction for b in found] == [-1, 1, -1]
-    assert found[0].first == 0
-    assert found[-1].last == 3000
-    assert abs(found[1].first - 900) < 60
-    assert abs(found[1].last - 2250) < 60
+    coefficients = thermal_log.branches(T, 4.0)
+    assert [b.direction for b in coefficients] == [-1, 1, -1]
+    assert coefficients[0].first == 0
+    assert coefficients[-1].last == 3000
+    assert abs(coefficients[1].first - 900) < 60
+    assert abs(coefficients[1].last - 2250) < 60
     assert thermal_log.branches(np.full(100, 3.0), 1.0) == []
 
 
@@ -542,17 +542,17 @@ def test_real_chamber_log(shared_data):
     left = compensate_thermal(result, imu)
     np.testing.assert_allclose(left.gyro.std(axis=0)[1:], [0.00095, 0.0014], atol=6e-6)
     printed = np.array([0.00415, 0.0064, 0.0173, 0.0443])
-    found = np.array([left.gyro[:, 0].std(), *left.accel.std(axis=0)])
-    assert np.all((found > 0.99 * printed) & (found < 1.03 * printed))
+    coefficients = np.array([left.gyro[:, 0].std(), *left.accel.std(axis=0)])
+    assert np.all((coefficients > 0.99 * printed) & (coefficients < 1.03 * printed))
     h = th["hysteresis"]
     assert all(h[n]["found"] for n in ("b_g_x", "b_a_y", "b_a_z"))
     assert not h["b_g_y"]["found"]
     # heating lies above cooling by 0.13 m/s^2 at 30 degC in z: read off the plot of the log
     assert h["b_a_z"]["largest"] == pytest.approx(0.13, abs=0.02)
     assert h["b_a_z"]["temperature"] == pytest.approx(30.0, abs=10.0)
-    said = " ".join(result.verdicts)
-    assert "92 K within 4.24 s is not credible" in said
-    assert "b_g_x: two branches of cooling differ" in said
+    message = " ".join(result.verdicts)
+    assert "92 K within 4.24 s is not credible" in message
+    assert "b_g_x: two branches of cooling differ" in message
 
 
 @pytest.mark.parametrize("page", ["calibration-thermal.md", "calibration-plans.md"])

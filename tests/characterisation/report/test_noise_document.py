@@ -36,7 +36,7 @@ def small_script():
 
 
 @pytest.fixture(scope="module")
-def found():
+def identified():
     return cases.identification()
 
 
@@ -52,9 +52,9 @@ def shown():
 
 
 @pytest.fixture(scope="module")
-def source(found, shown, tmp_path_factory):
+def source(identified, shown, tmp_path_factory):
     folder = tmp_path_factory.mktemp("noise")
-    path = noise_report(found, folder / "deep" / "noise.html", recording_summary="log: 3 h <at> rest", **shown)
+    path = noise_report(identified, folder / "deep" / "noise.html", recording_summary="log: 3 h <at> rest", **shown)
     return path.read_text(encoding="utf-8")
 
 
@@ -101,9 +101,9 @@ def test_every_number_has_both_units_an_interval_and_a_sentence(page):
     assert "8.73e-05 (rad/s)/sqrt(Hz)8.39e-05 to 9.08e-05" in cells
     assert any(c.startswith("White noise: after one hour the angle") for c in cells)
     assert any("600 s" in c for c in cells)
-    told = [a for a in page.all("tr") if a.get("class") == "told"]
+    notices = [a for a in page.all("tr") if a.get("class") == "told"]
     sentences = [c for c, a in zip(cells, page.all("td"), strict=True) if "colspan" in a]
-    assert len(told) == len(sentences)
+    assert len(notices) == len(sentences)
     assert all(s.endswith(".") for s in sentences)
 
 
@@ -113,8 +113,8 @@ def test_the_budget_has_its_uncertainty(page):
     assert any(r.startswith("in-run bias") and "90 ug" in r and r.endswith("11 %") for r in rows)
 
 
-def test_same_input_same_bytes_and_no_clock(found, shown, source, tmp_path):
-    again = replace(found, provenance={**found.provenance, "elapsed_s": 99.0})
+def test_same_input_same_bytes_and_no_clock(identified, shown, source, tmp_path):
+    again = replace(identified, provenance={**identified.provenance, "elapsed_s": 99.0})
     path = noise_report(again, tmp_path / "n.html", recording_summary="log: 3 h <at> rest", **shown)
     assert path.read_text(encoding="utf-8") == source
     assert "12.345678" not in source
@@ -122,29 +122,29 @@ def test_same_input_same_bytes_and_no_clock(found, shown, source, tmp_path):
     assert not re.search(r"\bnan\b", Page(source).plain)
 
 
-def test_little_to_show(found, tmp_path):
+def test_little_to_show(identified, tmp_path):
     """No budget, no recording, no readings; then no axis at all: the page says so and stands."""
-    bare = replace(found, spec=None, spec_sigma={}, findings=(), refused={}, notes=(), provenance={})
-    bare = replace(bare, axes={"gyro_x": replace(found.axes["gyro_x"], findings=(), read_off={}, candidates=())})
+    bare = replace(identified, spec=None, spec_sigma={}, findings=(), refused={}, notes=(), provenance={})
+    bare = replace(bare, axes={"gyro_x": replace(identified.axes["gyro_x"], findings=(), read_off={}, candidates=())})
     page = Page(noise_report(bare, tmp_path / "a.html").read_text())
     assert page.text["h2"] == ["Numbers", "Allan curves", "Budget", "Notes", "Provenance"]
     assert any("There is no budget" in p for p in page.text["p"])
-    empty = replace(found, axes={}, spec=None)
+    empty = replace(identified, axes={}, spec=None)
     page = Page(noise_report(empty, tmp_path / "b.html", title="gone").read_text())
     assert page.open == []
     assert page.text["h2"] == ["Findings", "Notes", "Provenance"]
     assert page.text["h1"] == ["gone"]
 
 
-def test_the_result_writes_its_own_report_and_figure(found, tmp_path):
-    assert found.report(tmp_path / "own.html").exists()
-    assert len(found.plot().axes) == 3
+def test_the_result_writes_its_own_report_and_figure(identified, tmp_path):
+    assert identified.report(tmp_path / "own.html").exists()
+    assert len(identified.plot().axes) == 3
 
 
-def test_the_allan_figure_shows_curve_band_model_terms_and_readings(found):
-    figure = noise_panels.allan(found)
+def test_the_allan_figure_shows_curve_band_model_terms_and_readings(identified):
+    figure = noise_panels.allan(identified)
     assert list(panels_of(figure)) == ["gyro_x", "gyro_y", "accel_x"]
-    panel, axis = panels_of(figure)["gyro_x"], found.axes["gyro_x"]
+    panel, axis = panels_of(figure)["gyro_x"], identified.axes["gyro_x"]
     assert panel.log
     assert panel.log_x
     (curve,) = items(panel, Line, "measured")
@@ -163,64 +163,64 @@ def test_the_allan_figure_shows_curve_band_model_terms_and_readings(found):
     assert all(low < t.y < high for t in items(panel, Text))
 
 
-def test_letters_stand_on_their_lines(found):
-    for name, panel in panels_of(noise_panels.allan(found)).items():
+def test_letters_stand_on_their_lines(identified):
+    for name, panel in panels_of(noise_panels.allan(identified)).items():
         factor = DEG_PER_HR if name.startswith("gyro") else UG
-        curves = noise_panels.term_variances(found.axes[name], np.array([t.x for t in items(panel, Text)]))
+        curves = noise_panels.term_variances(identified.axes[name], np.array([t.x for t in items(panel, Text)]))
         for k, text in enumerate(items(panel, Text)):
             label = "B" if text.text == "0.664 B" else text.text
             assert text.y == pytest.approx(math.sqrt(curves[label][k]) / factor, rel=1e-9)  # rounding
 
 
-def test_units_of_figures(found):
-    si = panels_of(noise_panels.allan(found, "accel_x", "si"))["accel_x"]
-    sheet = panels_of(noise_panels.allan(found, "accel_x"))["accel_x"]
+def test_units_of_figures(identified):
+    si = panels_of(noise_panels.allan(identified, "accel_x", "si"))["accel_x"]
+    sheet = panels_of(noise_panels.allan(identified, "accel_x"))["accel_x"]
     assert "[m/s^2]" in si.y_label
     assert "[ug]" in sheet.y_label
     np.testing.assert_allclose(items(si, Line, "measured")[0].y / UG, items(sheet, Line, "measured")[0].y, rtol=1e-12)
     with pytest.raises(InputError, match="unit: expected 'datasheet' or 'si', got 'SI'"):
-        noise_figures.allan_figure(found, unit="SI")
+        noise_figures.allan_figure(identified, unit="SI")
 
 
-def test_gyroscopes_left_accelerometers_right(found):
+def test_gyroscopes_left_accelerometers_right(identified):
     six = {}
     for k, name in enumerate(["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]):
         six[name] = cases.axis_noise(name, cases.GYRO if name.startswith("gyro") else cases.ACCEL, seed=k)
-    figure = noise_panels.allan(replace(found, axes=six, refused={}))
+    figure = noise_panels.allan(replace(identified, axes=six, refused={}))
     assert [p.title for p in figure.panels] == ["gyro_x", "accel_x", "gyro_y", "accel_y", "gyro_z", "accel_z"]
-    assert len(noise_panels.comparison(replace(found, axes=six)).panels) == 2
+    assert len(noise_panels.comparison(replace(identified, axes=six)).panels) == 2
 
 
-def test_a_reading_far_below_the_curve_does_not_flatten_it(found):
-    axis = found.axes["gyro_x"]
+def test_a_reading_far_below_the_curve_does_not_flatten_it(identified):
+    axis = identified.axes["gyro_x"]
     low = replace(axis, read_off={**axis.read_off, "K_at_3s": 1e-6 * axis.read_off["minimum"]})
-    panel = noise_panels.allan(replace(found, axes={"gyro_x": low})).panels[0]
+    panel = noise_panels.allan(replace(identified, axes={"gyro_x": low})).panels[0]
     assert panel.y_limits[1] / panel.y_limits[0] < 1e5
     assert len(items(panel, Markers)[0].x) == 2
 
 
-def test_the_ratio_is_one_where_the_model_is_the_truth(found):
-    exact = found.axes["gyro_y"]
+def test_the_ratio_is_one_where_the_model_is_the_truth(identified):
+    exact = identified.axes["gyro_y"]
     curve = replace(exact.curve, deviation=exact.fitted(exact.curve.tau))
-    figure = noise_panels.ratio(replace(found, axes={"gyro_y": replace(exact, curve=curve)}))
+    figure = noise_panels.ratio(replace(identified, axes={"gyro_y": replace(exact, curve=curve)}))
     (line,) = items(figure.panels[0], Line, "curve over model")
     np.testing.assert_allclose(line.y, 1.0, rtol=1e-14)  # rounding
 
 
-def test_the_model_of_the_autocorrelation_knows_the_length_of_the_log(found):
+def test_the_model_of_the_autocorrelation_knows_the_length_of_the_log(identified):
     """Two Gauss-Markov terms in 3 h: near the textbook form, lower by the variance of the mean, 2 sigma^2 tau / T."""
     lag = np.linspace(0.0, 3000.0, 301)
-    figure = noise_spectra.autocorrelation(found, {"accel_x": (lag, np.zeros(301))})
+    figure = noise_spectra.autocorrelation(identified, {"accel_x": (lag, np.zeros(301))})
     (line,) = items(figure.panels[0], Line, "expected of the Gauss-Markov terms")
     assert line.x[0] == 10.0
-    pairs = [(s.value / UG, t.value) for s, t in found.axes["accel_x"].gauss_markov]
+    pairs = [(s.value / UG, t.value) for s, t in identified.axes["accel_x"].gauss_markov]
     textbook = sum(s**2 * np.exp(-lag[1:] / t) for s, t in pairs)
     lower = sum(2.0 * s**2 * t / cases.LENGTH for s, t in pairs)
     assert line.y[0] == pytest.approx(textbook[0] - lower, rel=0.02)  # terms of the order (tau / T)^2 and lag / T
 
 
-def test_findings_are_shaded_where_they_are(found, shown):
-    panels = panels_of(noise_spectra.signals(found, shown["imu"]))
+def test_findings_are_shaded_where_they_are(identified, shown):
+    panels = panels_of(noise_spectra.signals(identified, shown["imu"]))
     assert list(panels) == ["gyro_x", "accel_x", "gyro_y", "accel_y", "gyro_z, refused", "accel_z"]
     spans = [(s.start, s.stop) for s in items(panels["gyro_z, refused"], Span)]
     assert (100.0, 6500.0) in spans
@@ -256,27 +256,27 @@ def test_spectra_use_the_longest_part_without_a_gap():
 
 
 @pytest.mark.campaign
-def test_files_of_all_figures(found, shown, tmp_path):
-    paths = noise_figures.save_noise_figures(found, tmp_path / "f", ("png", "svg"), **shown)
+def test_files_of_all_figures(identified, shown, tmp_path):
+    paths = noise_figures.save_noise_figures(identified, tmp_path / "f", ("png", "svg"), **shown)
     assert {p.stem for p in paths} == {"allan", "allan_axes", "allan_ratio", "spectrum", "autocorrelation", "signals"}
     for path in paths:
         assert path.stat().st_size > 8000, path.name
         if path.suffix == ".svg":
             assert ET.parse(path).getroot().tag.endswith("svg")
-    again = noise_figures.save_noise_figures(found, tmp_path / "g", ("svg",), **shown)
+    again = noise_figures.save_noise_figures(identified, tmp_path / "g", ("svg",), **shown)
     assert all(p.read_bytes() == (tmp_path / "f" / p.name).read_bytes() for p in again)
-    nothing = noise_figures.save_noise_figures(replace(found, axes={}), tmp_path / "h", ("svg",), imu=shown["imu"])
+    nothing = noise_figures.save_noise_figures(replace(identified, axes={}), tmp_path / "h", ("svg",), imu=shown["imu"])
     assert [p.stem for p in nothing] == ["signals"]
     with pytest.raises(InputError, match="expected png, svg or pdf, got 'gif'"):
-        noise_figures.save_noise_figures(found, tmp_path, ("gif",))
+        noise_figures.save_noise_figures(identified, tmp_path, ("gif",))
 
 
-def test_own_axes_for_one_axis(found):
+def test_own_axes_for_one_axis(identified):
     ax = MplFigure().subplots()
-    noise_figures.allan_figure(found, "gyro_x", ax=ax)
+    noise_figures.allan_figure(identified, "gyro_x", ax=ax)
     assert ax.get_xscale() == ax.get_yscale() == "log"
     with pytest.raises(InputError, match="3 panels"):
-        noise_figures.allan_figure(found, ax=MplFigure().subplots())
+        noise_figures.allan_figure(identified, ax=MplFigure().subplots())
 
 
 @pytest.fixture(scope="module")

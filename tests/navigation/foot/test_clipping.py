@@ -72,8 +72,10 @@ def test_a_walk_with_a_clipped_gyroscope_is_restored_and_says_so(share, doubted)
     gyro, accel = ideal_rates(motion, t)
     limit = share * np.abs(gyro[:, 1]).max()
     result = navigate_foot(ImuSeries(t, np.clip(gyro, -limit, limit), accel))
-    said = [any("gyroscope y stays at its largest rate" in text for text in of) for of in (result.notes, result.doubts)]
-    assert said == [not doubted, doubted]
+    named = [
+        any("gyroscope y stays at its largest rate" in text for text in of) for of in (result.notes, result.doubts)
+    ]
+    assert named == [not doubted, doubted]
     np.testing.assert_allclose(result.closure_n, [15.6, 0.0, 0.0], atol=0.05)
 
 

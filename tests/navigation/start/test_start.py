@@ -274,10 +274,10 @@ def test_fixes_five_seconds_apart_level_and_the_gyro_bias_is_in_the_claim(k):
     llh = PLACE + np.outer(10.0 * at + 0.5 * a * at**2, [1.0 / 6.37e6, 0.0, 0.0])
     gnss = GnssSeries(at, llh, np.tile(np.eye(3), (3, 1, 1)), v, np.tile(1e-4 * np.eye(3), (3, 1, 1)))
     section = AlignmentSection(tilt_floor_deg=0.01)
-    known = level_in_motion(rates, gnss, k, 0.0, 0.01, (b, 1e-4), section, SPEC)
-    np.testing.assert_allclose(known.rpy_nb, 0.0, atol=4e-4)
+    expected = level_in_motion(rates, gnss, k, 0.0, 0.01, (b, 1e-4), section, SPEC)
+    np.testing.assert_allclose(expected.rpy_nb, 0.0, atol=4e-4)
     unknown = level_in_motion(rates, gnss, k, 0.0, 0.01, (np.zeros(3), 5e-3), section, SPEC)
-    np.testing.assert_allclose(unknown.rpy_nb - known.rpy_nb, unknown.psi_gyro @ -b, atol=4e-4)
+    np.testing.assert_allclose(unknown.rpy_nb - expected.rpy_nb, unknown.psi_gyro @ -b, atol=4e-4)
     assert abs(unknown.rpy_nb[0]) > 4e-3  # half of five seconds, as far from the fix as the middle is
     assert unknown.sigma_b_g == 5e-3
     with pytest.raises(InputError, match="two GNSS velocities at most 15 s apart"):

@@ -76,12 +76,12 @@ def test_a_consistent_tight_run_is_not_contradicted_and_one_of_wrong_noise_is(cl
 
 def test_imu_noise_stated_ten_times_too_large_is_found_from_ranges(clean):
     wrong = config(10.0)
-    found = tune(prepared_run(clean, wrong))
-    assert found.better
+    tuning = tune(prepared_run(clean, wrong))
+    assert tuning.better
     for name in ("gyro", "accel"):
-        low, high = found.intervals[name]
-        assert low / 1.5 < 0.1 < high * 1.5, (name, found.factors[name], low, high)  # 95 %, and ten looks at it
-    assert tuned_configuration(wrong, found).filter.noise.gyro < 3.0
+        low, high = tuning.intervals[name]
+        assert low / 1.5 < 0.1 < high * 1.5, (name, tuning.factors[name], low, high)  # 95 %, and ten looks at it
+    assert tuned_configuration(wrong, tuning).filter.noise.gyro < 3.0
 
 
 @pytest.mark.campaign

@@ -90,14 +90,14 @@ def mis_stated(recording, imu=1.0, gnss=1.0):
 def test_noise_mis_stated_by_ten_is_found_and_the_fixes_fit_again(recording, imu, gnss):
     log, wrong = mis_stated(recording, imu, gnss)
     as_stated = navigate(log, wrong.untuned())
-    found = tune(prepared_run(log, wrong))
-    result = navigate(log, tuned_configuration(wrong, found))
-    assert found.better
-    assert found.gain > 2.0 * found.gain_sigma
+    tuning = tune(prepared_run(log, wrong))
+    result = navigate(log, tuned_configuration(wrong, tuning))
+    assert tuning.better
+    assert tuning.gain > 2.0 * tuning.gain_sigma
     names = ("position", "velocity") if imu == 1.0 else ("gyro", "accel", "position", "velocity")
     for name, truth in zip(names, (gnss, gnss) if imu == 1.0 else (imu, imu, 1.0, 1.0), strict=True):
-        low, high = found.intervals[name]
-        assert low / 1.2 < truth < high * 1.2, (name, found.factors[name], low, high)
+        low, high = tuning.intervals[name]
+        assert low / 1.2 < truth < high * 1.2, (name, tuning.factors[name], low, high)
     before, after = as_stated.innovations.mean_nis(), result.innovations.mean_nis()
     assert abs(np.log(before)) > 2.0 * abs(np.log(after))
     assert 0.8 < after < 1.25  # 1 +- 0.05 (statistical), and what tuning leaves
@@ -182,9 +182,9 @@ def test_intervals_cover_what_they_claim(imu):
     """95 % of the intervals hold the truth; of 36 at most 6 do not with probability 0.998 (statistical)."""
     missed = 0
     for seed in range(12):
-        found = tune(prepared_run(*mis_stated(recorded(seed), imu)))
+        tuning = tune(prepared_run(*mis_stated(recorded(seed), imu)))
         for name, truth in (("accel", imu), ("position", 1.0), ("velocity", 1.0)):
-            low, high = found.intervals[name]
+            low, high = tuning.intervals[name]
             missed += not low < truth < high
     assert missed <= 6
 
@@ -217,8 +217,8 @@ def test_a_slow_error_of_fixes_is_recognised_and_gets_its_states(seed, tau):
 @pytest.mark.parametrize("seed", [1, 3])
 @pytest.mark.thinned(2)
 def test_white_errors_of_fixes_are_not_taken_for_slow_ones(seed):
-    found = tune(prepared_run(recorded(seed), config()))
-    assert found.slow == {}
+    tuning = tune(prepared_run(recorded(seed), config()))
+    assert tuning.slow == {}
 
 
 def test_a_slow_error_added_is_that_of_the_configuration(recording):
@@ -350,11 +350,11 @@ def test_what_is_written_and_read_again_gives_the_same_run(recording, tmp_path, 
     assert "schuler tune: " in written
     assert printed["better"]
     tuned = NavigationConfig.load(tmp_path / "drive.toml")
-    found = tune(prepared_run(log, wrong))
-    assert tuned == tuned_configuration(wrong, found)
+    tuning = tune(prepared_run(log, wrong))
+    assert tuned == tuned_configuration(wrong, tuning)
     assert any("noise tuned" in note for note in navigate(log, wrong).notes)
     np.testing.assert_array_equal(
-        navigate(log, tuned).trajectory.r_eb_e, navigate(log, tuned_configuration(wrong, found)).trajectory.r_eb_e
+        navigate(log, tuned).trajectory.r_eb_e, navigate(log, tuned_configuration(wrong, tuning)).trajectory.r_eb_e
     )
 
 

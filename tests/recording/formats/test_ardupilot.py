@@ -137,11 +137,11 @@ def test_several_imus_are_asked_about(tmp_path):
     with pytest.raises(InputError, match=r"several streams can be the imu: IMU:0 .*IMU:1 .*streams='imu=IMU:0'"):
         read(path)
     np.testing.assert_allclose(read(path, streams="imu=IMU:1").imu.accel[:, 1], 1.2, rtol=1e-6)
-    found = {s.name: s for s in ardupilot.contents(path)}
-    assert found["IMU:1"].count == 1000
-    assert found["IMU:0"].rate_hz == pytest.approx(50.0)
-    assert found["GPS:0"].part == "gnss"
-    assert found["MSG"].count == 1
+    listed = {s.name: s for s in ardupilot.contents(path)}
+    assert listed["IMU:1"].count == 1000
+    assert listed["IMU:0"].rate_hz == pytest.approx(50.0)
+    assert listed["GPS:0"].part == "gnss"
+    assert listed["MSG"].count == 1
 
 
 def test_unfiltered_samples_are_brought_to_the_gyros_stamps(tmp_path):

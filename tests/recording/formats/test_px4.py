@@ -206,10 +206,10 @@ def test_the_barometer_needs_an_accuracy(tmp_path):
 
 def test_contents_and_hints(tmp_path):
     path = written(tmp_path, imu=("sensor_combined", "vehicle_imu"))
-    found = {s.name: s for s in px4.contents(path)}
-    assert found["vehicle_imu:0"].rate_hz == pytest.approx(100.0)
-    assert found["logger_status:0"].part == ""
-    assert found["vehicle_air_data:0"].part == "height"
+    listed = {s.name: s for s in px4.contents(path)}
+    assert listed["vehicle_imu:0"].rate_hz == pytest.approx(100.0)
+    assert listed["logger_status:0"].part == ""
+    assert listed["vehicle_air_data:0"].part == "height"
     with pytest.raises(InputError, match="'sensor_gyro:3' is not in the log; candidates for imu: sensor_combined:0"):
         read(path, streams="imu=sensor_gyro:3")
     with pytest.raises(InputError, match="leave out units"):

@@ -242,7 +242,7 @@ def test_recordings_of_other_kinds_are_claimed_by_nobody(shared_data):
     claimed = {}
     for path in files:
         with path.open("rb") as stream:
-            found = registry.find(stream.read(1 << 16), path)
-        if found is not None:
-            claimed[str(path.relative_to(shared_data))] = found.__name__
+            reader = registry.find(stream.read(1 << 16), path)
+        if reader is not None:
+            claimed[str(path.relative_to(shared_data))] = reader.__name__
     assert claimed == {}

@@ -174,9 +174,9 @@ def test_three_outages(imu):
     assert gain.high < 3.2
     assert comparison.gain("horizontal_m_s").low > 1.7
     # what is left where the filter also knows scale factors and cross-couplings
-    known = rotary_comparison(imu, 200, drive=IntegratedDrive(imu, model="augmented")).gain()
-    assert known.certain
-    assert known.ratio == pytest.approx(2.65 if imu is NAV440 else 1.33, rel=0.1)  # statistical, as documented
+    given = rotary_comparison(imu, 200, drive=IntegratedDrive(imu, model="augmented")).gain()
+    assert given.certain
+    assert given.ratio == pytest.approx(2.65 if imu is NAV440 else 1.33, rel=0.1)  # statistical, as documented
 
 
 def test_the_drive():

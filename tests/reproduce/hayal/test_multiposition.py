@@ -211,8 +211,8 @@ def test_data_sheet_as_prior(rng):
 
 def test_known_angles_and_six_attitudes(rng):
     """F28. An independent program: accelerometer b to 1.9e-4 m/s^2 and s to 20 ppm with six faces."""
-    known = dict(zip(PARAMETERS[6:], TRUTH["accel"][6:], strict=True))
-    result = run_case(StudyCase(sensor="accel", order=6, fixed=known, directions=ATTITUDES[:6]), 60, rng)
+    given = dict(zip(PARAMETERS[6:], TRUTH["accel"][6:], strict=True))
+    result = run_case(StudyCase(sensor="accel", order=6, fixed=given, directions=ATTITUDES[:6]), 60, rng)
     assert result.success == 1.0
     b, s, theta = result.groups()
     assert b == pytest.approx(1.9e-4, rel=0.2)

@@ -63,16 +63,17 @@ def test_claimed_uncertainty_is_true(result):
 def test_what_is_wrong_is_said(result):
     """Covariances a quarter too small, one mean off by a sigma, a run lost."""
     small = replace(result, covariance=0.75 * result.covariance)
-    assert any("NEES" in said for said in small.complaints())
+    assert any("NEES" in message for message in small.complaints())
     estimate = result.estimate.copy()
     estimate[:, 3] += result.sigma[:, 3]
     biased = replace(result, estimate=estimate)
-    assert any(said.startswith(f"{result.names[3]}: mean") for said in biased.complaints())
+    assert any(message.startswith(f"{result.names[3]}: mean") for message in biased.complaints())
     covariance = result.covariance.copy()
     covariance[:, 4, :] *= 0.5
     covariance[:, :, 4] *= 0.5
     assert any(
-        said.startswith(f"{result.names[4]}: scatter") for said in replace(result, covariance=covariance).complaints()
+        message.startswith(f"{result.names[4]}: scatter")
+        for message in replace(result, covariance=covariance).complaints()
     )
     assert replace(result, failed=((3, "no rest"),)).complaints()[-1] == "1 runs failed"
 

@@ -67,9 +67,9 @@ def test_columns_stand_where_the_histogram_has_them(result):
     np.testing.assert_array_equal(columns.x[::2], h.residual_edges)
     assert panel.x_label == "[mg]"
     mean, sigma = result.residual[:, 0].mean() / MG, result.residual[:, 0].std(ddof=1) / MG
-    said = panel.title.removeprefix("b_a_x: ").removesuffix(" mg").split(" ± ")
+    text = panel.title.removeprefix("b_a_x: ").removesuffix(" mg").split(" ± ")
     # printed digits: three
-    assert [float(v) for v in said] == pytest.approx([mean, sigma], rel=0.01, abs=5e-4)
+    assert [float(v) for v in text] == pytest.approx([mean, sigma], rel=0.01, abs=5e-4)
 
 
 @pytest.mark.parametrize(("which", "label"), [("residual", "as claimed"), ("modelled", "as specified")])

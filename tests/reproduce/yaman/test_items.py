@@ -62,7 +62,7 @@ def item(name: str) -> Item:
     return result
 
 
-def known() -> set[str]:
+def items() -> set[str]:
     return {name for i in ITEMS for name in (i.id, *i.also)}
 
 
@@ -70,7 +70,7 @@ def test_ids_are_unique_and_complete():
     names = [name for i in ITEMS for name in (i.id, *i.also)]
     assert len(names) == len(set(names))
     assert not set(names) & set(NOT_RESULTS)
-    assert {f"table-{n}" for n in TABLES} | {f"fig-{n}" for n in FIGURES | APPENDIX_D} <= known()
+    assert {f"table-{n}" for n in TABLES} | {f"fig-{n}" for n in FIGURES | APPENDIX_D} <= items()
     assert items_of("yaman") is ITEMS
 
 

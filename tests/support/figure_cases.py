@@ -121,7 +121,7 @@ def field():
     path = "calibration/report/test_field_figures.py"
     errors = fixture(path, "errors")
     imu = fixture(path, "imu", errors)
-    return fixture(path, "found", imu), errors
+    return fixture(path, "solution", imu), errors
 
 
 @cache

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -66,16 +66,18 @@ def proposed(
     raise AssertionError("a question was asked again although it was answered")
 
 
-def proposed_hints(log: Path, given: Mapping[str, Any]) -> dict[str, Any] | None:
+def proposed_hints(log: Path, given: Mapping[str, Any], notify: Callable[[str], None]) -> dict[str, Any] | None:
     """Hints proposed for a log that was not read with those given: columns, units and clock by header and physics.
 
-    What is decided is said on stderr; what is open is asked on a terminal.
+    What is open is asked on a terminal.
 
     Parameters
     ----------
     log : Path
     given : mapping
         Hints of the user, which stand.
+    notify : callable
+        Called with a sentence on each decision.
 
     Returns
     -------
@@ -93,7 +95,7 @@ def proposed_hints(log: Path, given: Mapping[str, Any]) -> dict[str, Any] | None
     if "columns" in given or "format" in given or (given and log.is_dir()):
         return None
     if log.is_dir():
-        return _read_folder(log)
+        return _read_folder(log, notify)
     hints = dict(given)
     for _ in range(_MOST):
         try:
@@ -106,16 +108,16 @@ def proposed_hints(log: Path, given: Mapping[str, Any]) -> dict[str, Any] | None
             hints |= {name.rpartition(".")[2]: value for name, value in answer(question).items()}
             continue
         except SchulerError:  # reading says what is missing
-            return recognised_files(log, given) or None
+            return recognised_files(log, given, notify=notify) or None
         for d in decisions:
             if d.value is not None:
                 name = d.entry.rpartition(".")[2]
-                say(f"{log.name}: --{name.replace('_', '-')} {d.value!r}: {d.evidence}")
+                notify(f"{log.name}: --{name.replace('_', '-')} {d.value!r}: {d.evidence}")
         return entries
     raise AssertionError("a question was asked again although it was answered")
 
 
-def _read_folder(log: Path) -> dict[str, Any] | None:
+def _read_folder(log: Path, notify: Callable[[str], None]) -> dict[str, Any] | None:
     """Entries of a folder's files with every sure cure in them, its clocks' among them; None where there is no IMU."""
     from schuler.exceptions import SchulerError
     from schuler.proposal import UndecidedError, propose_reading
@@ -126,17 +128,19 @@ def _read_folder(log: Path) -> dict[str, Any] | None:
         files = [value for _, answer in question.choices for name, value in answer.items() if name.endswith(".file")]
         if files:
             raise InputError(f"{question.text}: give one by itself, such as {log / files[0]}") from None
-        return recognised_files(log) or None
+        return recognised_files(log, notify=notify) or None
     except SchulerError:
-        return recognised_files(log) or None
+        return recognised_files(log, notify=notify) or None
     for d in decisions:
         if d.value is not None:
-            say(f"{d.entry} = {d.value}: {d.evidence}")
+            notify(f"{d.entry} = {d.value}: {d.evidence}")
     return entries
 
 
-def recognised_files(log: Path, given: Mapping[str, Any] = MappingProxyType({})) -> dict[str, Any]:
-    """Files, columns and units of a log as ``schuler navigate`` recognises them, said; empty where it does not.
+def recognised_files(
+    log: Path, given: Mapping[str, Any] = MappingProxyType({}), *, notify: Callable[[str], None] = say
+) -> dict[str, Any]:
+    """Files, columns and units of a log as ``schuler navigate`` recognises them; empty where it does not.
 
     Parameters
     ----------
@@ -144,6 +148,8 @@ def recognised_files(log: Path, given: Mapping[str, Any] = MappingProxyType({}))
         File or folder.
     given : mapping, optional
         Hints of the user on a file, which stand.
+    notify : callable
+        Called with a sentence on each decision.
 
     Returns
     -------
@@ -170,7 +176,7 @@ def recognised_files(log: Path, given: Mapping[str, Any] = MappingProxyType({}))
         return {}  # the diagnosis says why
     for d in files.decisions:
         option = f"--{d.entry.rpartition('.')[2].replace('_', '-')}"
-        say(f"{f'{d.entry} =' if log.is_dir() else option} {d.value}: {d.evidence}")
+        notify(f"{f'{d.entry} =' if log.is_dir() else option} {d.value}: {d.evidence}")
     return files.entries
 
 

@@ -120,10 +120,14 @@ class Reading(Part, Hints):
             from schuler.cli.proposal import proposed_hints
             from schuler.recording.io import read
 
-            proposal = None if self.config is not None or not proposing else proposed_hints(log, self.given)
+            decisions: list[str] = []
+            asked = self.config is None and proposing
+            proposal = proposed_hints(log, self.given, decisions.append) if asked else None
             if proposal is None:
                 raise
-            recording = read(log, **{**hints, **proposal})
+            recording = read(log, **{**hints, **proposal})  # where this fails it says what is missing, and only that
+            for decision in decisions:
+                say(decision)
         return cut(recording, self.start, self.stop)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
@@ -122,28 +122,68 @@ def sentences(error: ValidationError, model: type[BaseModel]) -> list[str]:
         The model that was being validated.
     """
     lines: list[str] = []
-    branches: dict[str, list[str]] = {}  # of an entry that may be of several kinds, what each of them wants
+    branches: dict[tuple[str, str], list[str]] = {}  # of an entry that may be of several kinds, what each of them wants
     for fault in error.errors():
-        where = ".".join(str(part) for part in fault["loc"] if not _is_branch(part)) or "the file"
+        place = fault["loc"]
+        short = fault["type"] == "missing" and isinstance(place[-1], int)  # a list that ends too early
+        if short:
+            place = place[:-1]
+        where = ".".join(str(part) for part in place if not _is_branch(part)) or "the file"
         if fault["type"] == "extra_forbidden":
-            names = _fields_at(model, fault["loc"][:-1])
-            near = difflib.get_close_matches(str(fault["loc"][-1]), names, n=1)
+            names = _fields_at(model, place[:-1])
+            near = difflib.get_close_matches(str(place[-1]), names, n=1)
             hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(names)}"
             lines.append(f"{where}: unknown entry; {hint}")
-        elif fault["type"] == "missing":
+        elif fault["type"] == "missing" and not short:
             lines.append(f"{where}: missing")
         else:
-            message = fault["msg"].removeprefix("Value error, ")
-            came = "" if isinstance(fault["input"], dict) else f", got {fault['input']!r}"
-            if any(map(_is_branch, fault["loc"])):
-                wants = branches.setdefault(f"{where}\n{came}", [])
-                wants.append(message if not wants else message.removeprefix("Input should be "))
-            else:
-                lines.append(f"{where}: {message}{came}")
-    for place, wants in branches.items():
-        where, came = place.split("\n")
-        lines.append(f"{where}: {', or '.join(dict.fromkeys(wants))}{came}")
+            came = "" if isinstance(fault["input"], dict) else f", got {_as_written(fault['input'])}"
+            wants = branches.setdefault((where, came), [])
+            wants.append(_wanted(fault["type"], fault.get("ctx", {}), fault["msg"]))
+    for (where, came), wants in branches.items():
+        others = [want.removeprefix("expected ") for want in wants[1:]]
+        lines.append(f"{where}: {', or '.join(dict.fromkeys([wants[0], *others]))}{came}")
     return lines
+
+
+_WANTED = {
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "string_type": "a text",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "dict_type": "a section",
+    "model_type": "a section",
+    "model_attributes_type": "a section",
+    "finite_number": "a finite number",
+    "greater_than": "more than {gt:g}",
+    "greater_than_equal": "at least {ge:g}",
+    "less_than": "less than {lt:g}",
+    "less_than_equal": "at most {le:g}",
+    "literal_error": "{expected}",
+    "missing": "more values",
+    "too_short": "at least {min_length} values",
+    "too_long": "at most {max_length} values",
+}
+
+
+def _wanted(kind: str, bounds: dict[str, Any], message: str) -> str:
+    """What a value should have been, by the kind of pydantic's fault; its own message for kinds not known here."""
+    if kind not in _WANTED:
+        return message.removeprefix("Value error, ").replace("Input should be", "expected")
+    return f"expected {_WANTED[kind].format(**bounds)}"
+
+
+def _as_written(value: Any) -> str:
+    """A value as one writes it in TOML."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return str(list(value)) if isinstance(value, tuple) else repr(value)
 
 
 def _is_branch(part: int | str) -> bool:

@@ -1,14 +1,15 @@
 """What commands share: times of outages, JSON without NaN, progress on terminals only."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 from command import refusal
 
-from schuler.cli.configuration import entries, period, window
+from schuler.cli.configuration import check_entries, configuration, entries, period, window
 from schuler.cli.output import print_json, print_verdict, progress
-from schuler.exceptions import InputError
+from schuler.exceptions import ConfigError, InputError
 from schuler.navigation.evaluation.verdict import Verdict
 
 
@@ -96,3 +97,34 @@ def test_too_little_memory_is_one_sentence(tmp_path, capsys):
 def test_entries_that_no_configuration_has_are_refused(text, message):
     with pytest.raises(InputError, match=f"--set.*{message}"):
         entries((text,))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("gnss.lever_arm_m=abc", "expected a list, got 'abc'"),
+        ("gnss.lever_arm_m=[1, 2]", "expected more values, got [1, 2]"),
+        ("outages.windows_s=[[1, 2, 3]]", ".0: expected at most 2 values, got [1, 2, 3]"),
+        ("alignment.rest_s=-1", "expected at least 0, got -1"),
+        ("filter.tune='perhaps'", "expected true or false, or 'auto', got 'perhaps'"),
+        ("filter.states=16", "expected 9, 15, 21, 27, 33, 39 or 42, or a list, got 16"),
+        ("imu.catalogue=true", "expected a text, got true"),
+        ("gnss.coupling='mixed'", "expected 'loose', 'tight', 'reset' or 'off', got 'mixed'"),
+        ("gnss.tight=3", "expected a section, got 3"),
+    ],
+)
+def test_a_wrong_value_is_told_what_was_expected(text, message):
+    name = text.partition("=")[0]
+    with pytest.raises(ConfigError, match=re.escape(f"--set: {name}") + ".*" + re.escape(message)):
+        check_entries(entries((text,)))
+
+
+def test_what_is_wrong_on_the_command_line_is_not_said_of_the_file(tmp_path):
+    config = tmp_path / "drive.toml"
+    config.write_text('[imu]\ncatalogue = "consumer"\n[gnss]\nlever_arm_m = [0, 0]\n', encoding="utf-8")
+    changes = entries(("filter.states=16", "alignment.rest_s=3"))
+    with pytest.raises(ConfigError) as refused:
+        configuration(config, changes, (), None)
+    of_the_command, of_the_file = str(refused.value).split(f"; {config}: ")
+    assert of_the_command.startswith("--set: filter.states: expected 9")
+    assert of_the_file.startswith("gnss.lever_arm_m: expected more values")

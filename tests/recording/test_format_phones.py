@@ -1,5 +1,9 @@
 """Logs of phones: GnssLogger and Sensor Logger."""
 
+import re
+import zipfile
+from pathlib import Path
+
 import numpy as np
 import pytest
 from format_drives import drive
@@ -247,3 +251,30 @@ def test_sensor_logger_refused(tmp_path):
     (tmp_path / "Location.csv").unlink()
     with pytest.raises(FileFormatError, match="neither"):
         read(tmp_path)
+
+
+def test_sensor_logger_zip_is_its_folder(tmp_path):
+    """As the app shares a log, its tables in a zip; whatever is wrong with one is said of the zip."""
+    folder = tmp_path / "a"
+    folder.mkdir()
+    sensor_logger(folder)
+    packed = tmp_path / "a.zip"
+    pack(folder, packed)
+    one, two = read(folder), read(packed)
+    assert np.array_equal(one.imu.accel, two.imu.accel)
+    assert np.array_equal(one.gnss.llh, two.gnss.llh)
+    assert [Path(name).name for name in two.metadata.sources] == ["a.zip"]
+    lines = (folder / "Gyroscope.csv").read_text().splitlines()
+    (folder / "Gyroscope.csv").write_text("\n".join([*lines[:9], "1,2,three,4,5", *lines[10:]]))
+    pack(folder, packed)
+    with pytest.raises(FileFormatError, match=re.escape(f"{packed}/Gyroscope.csv:10: ")):
+        read(packed)
+    packed.write_bytes(packed.read_bytes()[:-60])
+    with pytest.raises(FileFormatError):
+        read(packed)
+
+
+def pack(folder, path):
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for file in folder.glob("*.csv"):
+            archive.write(file, file.name)

@@ -212,8 +212,8 @@ def test_a_new_aid_leaves_everything_else_as_it_was():
     ("changes", "message"),
     [
         ({"heading": {"sigma": 1.0}}, "heading.sigma: unknown entry; did you mean sigma_deg"),
-        ({"barometer": {"sigma_m": -1.0}}, "barometer.sigma_m: Input should be greater than 0"),
-        ({"gnss": {"stale": 1.0}}, "gnss.stale: Input should be less than 1"),
+        ({"barometer": {"sigma_m": -1.0}}, "barometer.sigma_m: expected more than 0"),
+        ({"gnss": {"stale": 1.0}}, "gnss.stale: expected less than 1"),
         ({"gnss": {"reported_position_m": [0.0, 1.0, 1.0]}}, "reported_position: expected positive values"),
         ({"imu": {"rate_hz": 50.0, "ideal": True, "stream": {"gaps_s": [[3.0, 2.0]]}}}, "a gap stops after it starts"),
         ({"satellites": {"windows": [{"start_s": 1.0, "stop_s": 2.0}]}}, "satellites.windows.0.satellites: missing"),

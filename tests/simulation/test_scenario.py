@@ -140,13 +140,13 @@ def test_rate_output_samples_at_the_stamps():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"imu": {"rate_hz": -1.0, "ideal": True}}, "imu.rate_hz: Input should be greater than 0, got -1.0"),
+        ({"imu": {"rate_hz": -1.0, "ideal": True}}, "imu.rate_hz: expected more than 0, got -1.0"),
         ({"imu": {"rate_hz": 10.0}}, "imu: give one of catalogue"),
         (
             {"imu": {"rate_hz": 10.0, "ideal": True, "catalog": "x"}},
             "imu.catalog: unknown entry; did you mean catalogue",
         ),
-        ({"motion": {**STATIC, "type": "dance"}}, "motion.type: Input should be 'static'"),
+        ({"motion": {**STATIC, "type": "dance"}}, "motion.type: expected 'static'"),
         ({"motion": {"type": "static", "lat_deg": 47.0, "lon_deg": 8.0}}, "static motion needs duration_s"),
         ({"gnss": {"sigma_position_m": [1.0, 1.0]}}, "gnss.sigma_position_m"),
         (

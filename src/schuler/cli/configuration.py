@@ -21,7 +21,7 @@ def configuration(
     """The configuration of a file with changed entries and with the outages of ``--outage`` and ``--outage-every``."""
     from schuler.navigation.config import NavigationConfig
 
-    return with_outages(NavigationConfig.load(config, changes), outage, outage_every)
+    return with_outages(NavigationConfig.load(config, changes, "--set"), outage, outage_every)
 
 
 def with_outages(config: NavigationConfig, outage: Sequence[str], outage_every: str | None) -> NavigationConfig:

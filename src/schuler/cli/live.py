@@ -226,7 +226,7 @@ def _configured(config: Path | None, changes: Sequence[tuple[str, Any]], foot: b
             raise InputError(
                 "live: expected --config FILE as schuler navigate has it (schuler init writes one), got none"
             )
-        return NavigationConfig.load(config, changes)
+        return NavigationConfig.load(config, changes, "--set")
     data = {} if config is None else read_toml(config)
     for key, value in changes:
         change_entry(data, key, value)

@@ -247,7 +247,7 @@ class NavigationConfig(Config):
         return self.model_copy(update={"filter": self.filter.model_copy(update={"tune": False})})
 
     @classmethod
-    def load(cls, path: Path | str, changes: Sequence[tuple[str, Any]] = ()) -> NavigationConfig:
+    def load(cls, path: Path | str, changes: Sequence[tuple[str, Any]] = (), by: str = "changes") -> NavigationConfig:
         """Checked configuration of a TOML file, whose folder the files it names are relative to.
 
         Parameters
@@ -256,11 +256,13 @@ class NavigationConfig(Config):
         changes : sequence of (str, value)
             Entries put over those of the file, such as ``("filter.states", 21)``; an empty dict keeps what is there
             and makes an empty section otherwise, None takes the entry out.
+        by : str
+            What faults of these entries are reported of.
         """
         data = read_toml(path)
         for key, value in changes:
             change_entry(data, key, value)
-        return cls.parse(_anchored(data, Path(path)), str(path))
+        return cls.parse(_anchored(data, Path(path)), str(path), [key for key, _ in changes], by)
 
 
 def _anchored(data: dict[str, Any], path: Path) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -47,8 +48,20 @@ class Config(Section, metaclass=_InSentences):
     """Base of complete configurations."""
 
     @classmethod
-    def parse(cls, data: dict[str, Any], source: str = "configuration") -> Self:
+    def parse(
+        cls, data: dict[str, Any], source: str = "configuration", changed: Sequence[str] = (), by: str = "changes"
+    ) -> Self:
         """Checked configuration of nested dictionaries; all faults are reported at once.
+
+        Parameters
+        ----------
+        data : dict
+        source : str
+            What faults are reported of, such as a file.
+        changed : sequence of str
+            Entries that are not of the source, with dots.
+        by : str
+            What faults of those entries are reported of.
 
         Raises
         ------
@@ -58,7 +71,10 @@ class Config(Section, metaclass=_InSentences):
         try:
             return cls.model_validate(data)
         except ValidationError as error:
-            raise ConfigError(f"{source}: " + "; ".join(sentences(error, cls))) from None
+            faults = sentences(error, cls)
+            own = [f for f in faults if any(f.startswith((f"{name}.", f"{name}:")) for name in changed)]
+            of = ((by, own), (source, [f for f in faults if f not in own]))
+            raise ConfigError("; ".join(f"{name}: {'; '.join(some)}" for name, some in of if some)) from None
 
     @classmethod
     def load(cls, path: Path | str) -> Self:

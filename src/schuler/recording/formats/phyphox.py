@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import io
 import re
-import zipfile
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,19 +23,16 @@ from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.over_ground import velocities
 from schuler.recording.io.parts import Table
 from schuler.recording.io.streams import joined
+from schuler.recording.io.zip_tables import MOST_TABLES, unzipped_tables, zipped_names
 from schuler.recording.recording import Recording
 from schuler.timebase import TimeBase
 
 _HINTS = parts.GNSS_HINTS | {"axes", "time"}
 _AXES = "RFU"
 _HEAD = 400  # characters of a header
-_MOST = 40  # tables of a folder that are looked at
-_ROOM, _PACKED = 1 << 26, 200  # what any zip may unpack to [byte], and times its size
 _TIMES = "meta/time.csv"
 _NO_VERTICAL = 1.5  # vertical 1-sigma over the horizontal one where none is stated
 _LONGEST = 1e8  # no experiment lasts so long: three years [s]
-# of a damaged zip: its tables, a deflate stream, an unknown method, an encrypted entry, a seek before it, its end
-_DAMAGED = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, OSError, EOFError)
 
 
 @dataclass(frozen=True)
@@ -51,12 +46,8 @@ class _Sheet:
 
 def sniff(head: bytes, path: Path) -> bool:
     """Whether a file is a table of places, or a zip of tables, of the app."""
-    if head.startswith(b"PK\x03\x04") and path.suffix.lower() == ".zip":
-        try:
-            with zipfile.ZipFile(path) as archive:
-                return any(name.endswith(_TIMES) for name in archive.namelist())
-        except _DAMAGED:
-            return False
+    if any(name.endswith(_TIMES) for name in zipped_names(head, path)):
+        return True
     words = _words(head[:_HEAD].decode("utf-8", "replace"))
     return words[:1] == ("time",) and {"latitude", "longitude", "direction"} <= set(words)
 
@@ -130,7 +121,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
 
 
 def _tables(path: Path) -> list[Path]:
-    return sorted(p for p in path.glob("*.csv") if p.is_file())[:_MOST] if path.is_dir() else []
+    return sorted(p for p in path.glob("*.csv") if p.is_file())[:MOST_TABLES] if path.is_dir() else []
 
 
 def _words(text: str) -> tuple[str, ...]:
@@ -146,15 +137,7 @@ def _sheets(path: Path) -> tuple[list[_Sheet], list[Path]]:
         files = [*_tables(path), *([path / _TIMES] if (path / _TIMES).is_file() else [])]
         made = [(p.relative_to(path).as_posix(), p.read_bytes()) for p in files]
     elif path.suffix.lower() == ".zip":
-        files = [path]
-        try:
-            with zipfile.ZipFile(path) as archive:
-                entries = [e for e in archive.infolist() if e.filename.endswith(".csv")]
-                if sum(e.file_size for e in entries) > max(_ROOM, _PACKED * path.stat().st_size):
-                    raise FileFormatError("its tables claim more than any log unpacks to", path)
-                made = [(e.filename, archive.read(e)) for e in entries[:_MOST]]
-        except _DAMAGED as error:
-            raise FileFormatError(f"cannot be unpacked ({error}); it must be a complete zip", path) from error
+        files, made = [path], unzipped_tables(path)
     else:
         files, made = [path], [(path.name, path.read_bytes())]
     texts = [(name, data.decode("utf-8", "replace")) for name, data in made]

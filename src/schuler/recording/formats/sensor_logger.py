@@ -1,4 +1,4 @@
-"""Folders of the app Sensor Logger (Android, iOS): a CSV table a sensor with ``time`` in Unix nanoseconds.
+"""Exports of the app Sensor Logger, a folder or a zip: a CSV table a sensor with ``time`` in Unix nanoseconds.
 
 ``TotalAcceleration.csv`` is what the accelerometer feels; ``Accelerometer.csv`` has gravity taken out, which
 ``Gravity.csv`` gives back. ``Gyroscope.csv`` [rad/s], ``Location.csv`` with accuracies of 68 %. Columns stand in any
@@ -7,6 +7,8 @@ order (the app writes z, y, x); axes are the device's, x right, y to its top, z 
 
 from __future__ import annotations
 
+import os
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,32 +24,43 @@ from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.over_ground import velocities
 from schuler.recording.io.parts import Table
 from schuler.recording.io.streams import joined
+from schuler.recording.io.zip_tables import head_in_zip, unzipped_tables, zipped_names
 from schuler.recording.recording import Recording
 
 _HINTS = parts.GNSS_HINTS | {"axes", "streams", "time"}
 _AXES = "RFU"
 _LOCATION = ("latitude", "longitude", "altitude", "horizontalAccuracy", "verticalAccuracy")
 _VELOCITY = ("speed", "bearing", "speedAccuracy", "bearingAccuracy")  # where there are these columns
-_GYROS = ("Gyroscope", "GyroscopeUncalibrated")
+_MADE_BY_THE_APP = ("Gyroscope", "GyroscopeUncalibrated", "Location")
+_MARK, _HEAD = b"seconds_elapsed", 400  # a column of every table, in its first bytes
 
 
 def sniff(head: bytes, path: Path) -> bool:
-    """A table alone is read with its folder."""
-    return False
+    """Whether a file is a zip with rates or places as the app writes them; a table alone is read with its folder."""
+    return any(
+        Path(name).stem in _MADE_BY_THE_APP and _MARK in head_in_zip(path, name, _HEAD)
+        for name in zipped_names(head, path)
+        if name.endswith(".csv")
+    )
+
+
+def holds(path: Path) -> tuple[str, ...]:
+    """IMU and fixes of a zip."""
+    return ("imu", "gnss")
 
 
 def sniff_folder(path: Path) -> bool:
     """Whether a folder has rates or places as the app writes them."""
-    names = (*_GYROS, "Location")
-    return any(b"seconds_elapsed" in plain_text.head_of(path / f"{name}.csv", 400) for name in names)
+    return any(_MARK in plain_text.head_of(path / f"{name}.csv", _HEAD) for name in _MADE_BY_THE_APP)
 
 
 def read(path: Path, hints: ReadHints) -> Recording:
-    """IMU and fixes of a folder.
+    """IMU and fixes of an export.
 
     Parameters
     ----------
     path : Path
+        A folder or a zip.
     hints : ReadHints
         ``streams="imu=GyroscopeUncalibrated,gnss=none"``; ``axes`` of the device in the vehicle, if it does not lie on
         its back with its top forward; ``time`` if stamps are not Unix time.
@@ -57,9 +70,28 @@ def read(path: Path, hints: ReadHints) -> Recording:
     FileFormatError
         With file and line, for what is missing or malformed.
     """
-    parts.check_hints(path, hints, _HINTS, "a folder of Sensor Logger")
+    parts.check_hints(path, hints, _HINTS, "an export of Sensor Logger")
+    if path.is_file() and path.suffix.lower() == ".zip":
+        return _read_zip(path, hints)
     if not path.is_dir() or not sniff_folder(path):
-        raise FileFormatError("expected a folder with Gyroscope.csv or Location.csv of Sensor Logger", path)
+        raise FileFormatError("expected a folder or a zip with Gyroscope.csv or Location.csv of Sensor Logger", path)
+    return _read_folder(path, hints)
+
+
+def _read_zip(path: Path, hints: ReadHints) -> Recording:
+    """A zip is read as the folder that it unpacks to."""
+    with tempfile.TemporaryDirectory(prefix="schuler-") as folder:
+        for name, table in unzipped_tables(path):
+            (Path(folder) / Path(name).name).write_bytes(table)
+        try:
+            return _read_folder(Path(folder), hints, path)
+        except FileFormatError as error:
+            text = str(error).replace(f"{folder}{os.sep}", f"{path}/").replace(folder, str(path))
+            raise FileFormatError(text) from error
+
+
+def _read_folder(path: Path, hints: ReadHints, packed: Path | None = None) -> Recording:
+    """IMU and fixes of a folder, which a zip was unpacked to where one is given."""
     notes: list[str] = []
     stamps: dict[str, IntArray] = {}
     values: dict[str, FloatArray] = {}
@@ -89,7 +121,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
         load("Location", (*_LOCATION, *_VELOCITY) if _has(path / "Location.csv", _VELOCITY) else _LOCATION)
     if not stamps:
         raise FileFormatError("there is neither an IMU nor Location.csv", path)
-    sources = [path / f"{name}.csv" for name in stamps]
+    sources = [path / f"{name}.csv" for name in stamps] if packed is None else [packed]
     seconds, base = clock.from_unix(stamps, hints.time, notes, "unix")
     kept = {name: parts.later(seconds[name], name, path, notes) for name in stamps}
     t = {name: seconds[name][k] for name, k in kept.items()}
@@ -119,7 +151,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
             where = place["lat"], place["lon"]
             place |= velocities(t["Location"], where, speed, course, (sigma[0], of_course), notes)
         tables["gnss"] = Table({"t": t["Location"], **place}, ellipsoidal=False)
-    return parts.assemble(path, tables, replace(hints, time=None), base, notes, sources)
+    return parts.assemble(packed or path, tables, replace(hints, time=None), base, notes, sources)
 
 
 def _has(path: Path, columns: tuple[str, ...]) -> bool:

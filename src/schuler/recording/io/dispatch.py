@@ -206,8 +206,8 @@ def write(recording: Recording, path: Path | str, *, format: str | None = None, 
     else:
         choices = ", ".join((*WRITERS, *registry.suffixes()))
         raise InputError(
-            f"{path}: cannot tell the format from {suffix or 'no suffix'!r}; write to {choices}, "
-            "or name it (format=...)"
+            f"{path}: cannot tell the format from {repr(suffix) if suffix else 'a name without suffix'}; write to "
+            f"{choices}, or name the format"
         )
     for name in options:
         columns.check_known(name, list(inspect.signature(writer).parameters)[2:], f"option of {format or suffix}")

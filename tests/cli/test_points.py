@@ -201,20 +201,30 @@ def test_too_few_satellites_are_a_failure_with_advice(sky, tmp_path, capsys):
     assert not (tmp_path / "out" / "points.pos").exists()
 
 
-def test_positions_without_a_velocity_are_not_lost(sky, tmp_path, capsys):
-    """A .pos file has velocities of all rows or of none: with three epochs without Doppler it has every position."""
+@pytest.mark.parametrize("until", [5.0, 8.5, 18.0])
+def test_positions_without_a_velocity_are_not_lost(sky, tmp_path, capsys, until):
+    """points.pos has every position, and every velocity that there is; rows without one end before it.
+
+    Read again, epochs without a velocity are left out and counted; if they are more than half, the velocities are.
+    """
     eph, o = sky
-    for silent in (False, True):
-        rate = np.where(silent & (o.t > 5.0) & (o.t < 8.5), np.nan, o.range_rate)
-        log = saved(replace(o, range_rate=rate), eph, tmp_path / f"{silent}.parquet")
-        out = tmp_path / f"out-{silent}"
-        data = answer(capsys, "points", log, *BARE, "--no-report", "--json", "--out", out)
-        missing = len(np.unique(o.t[np.isnan(rate)]))
-        assert data["with_velocity"] == 20 - missing
-        fixes = schuler.read(out / "points.pos").gnss
-        assert (len(fixes), fixes.v_n is None) == (20, silent)
-        assert [row["v_north_m_s"] for row in table(out / "points.csv")].count("") == missing
-        assert any(f"{missing} of 20 positions have no velocity" in note for note in data["notes"]) == silent
+    rate = np.where((o.t > 5.0) & (o.t < until), np.nan, o.range_rate)
+    log = saved(replace(o, range_rate=rate), eph, tmp_path / "log.parquet")
+    data = answer(capsys, "points", log, *BARE, "--no-report", "--json", "--out", tmp_path / "out")
+    silent = np.isin(np.unique(o.t), o.t[np.isnan(rate)])
+    missing = int(silent.sum())
+    assert data["with_velocity"] == 20 - missing
+    rows = [x.split() for x in (tmp_path / "out" / "points.pos").read_text().splitlines() if not x.startswith("%")]
+    assert [len(fields) for fields in rows] == np.where(silent, 2 + 13, 2 + 22).tolist()
+    assert [row["v_north_m_s"] for row in table(tmp_path / "out" / "points.csv")].count("") == missing
+    assert any(f"{missing} of 20 positions have no velocity" in note for note in data["notes"]) == (missing > 0)
+    again = schuler.read(tmp_path / "out" / "points.pos")
+    most = 2 * missing > 20
+    assert (len(again.gnss), again.gnss.v_n is None) == (20 if most else 20 - missing, most)
+    assert any(f"{missing} of 20 epochs have no velocity" in note for note in again.metadata.notes) == (missing > 0)
+    velocity = [float(row["v_north_m_s"]) for row in table(tmp_path / "out" / "points.csv") if row["v_north_m_s"]]
+    if again.gnss.v_n is not None:
+        np.testing.assert_allclose(again.gnss.v_n[:, 0], velocity, atol=6e-4)  # printed digits of both
 
 
 def test_less_risk_is_a_wider_level(folder, tmp_path, capsys):

@@ -10,7 +10,8 @@ import pytest
 from schuler.exceptions import InputError
 from schuler.filtering.states import StateLayout, StateModel, layout_for
 from schuler.sensors import catalogue
-from schuler.sensors.spec import ImuSpec, TriadSpec
+from schuler.sensors.noise import GaussMarkov, RandomWalk
+from schuler.sensors.spec import ImuSpec, TriadSpec, allan_minimum
 
 SPEC = ImuSpec(
     name="test",
@@ -71,6 +72,21 @@ def test_models_follow_the_budget():
     both = layout_for(SPEC, 27).models
     assert both["b_a_run"].tau == 300.0
     assert both["b_a"] == StateModel.constant(SPEC.accel.turn_on_bias)  # the wander stands in its own block
+
+
+@pytest.mark.parametrize(("tau", "within"), [(20.0, 0.12), (50.0, 0.12), (100.0, 0.16)])
+def test_an_in_run_block_stands_for_a_bias_instability_below_its_walk(tau, within):
+    """The Allan deviation of both together is the flat 0.664 B, where the walk alone is too little (discretisation:
+    one process a decade).
+    """
+    models = layout_for(catalogue.spec("MTi-G-710"), ("b_a", "b_g", "b_a_run", "b_g_run")).models
+    for name, triad in (("b_a", catalogue.spec("MTi-G-710").accel), ("b_g", catalogue.spec("MTi-G-710").gyro)):
+        walk, run, flat = models[name], models[f"{name}_run"], allan_minimum(triad.bias_instability)
+        assert run.noise**2 * run.tau / 2.0 == pytest.approx(run.sigma**2)
+        alone = RandomWalk(walk.noise).allan_variance(tau)
+        both = alone + GaussMarkov(run.sigma, run.tau).allan_variance(tau)
+        assert np.sqrt(both) == pytest.approx(flat, rel=within)
+        assert alone <= flat**2 * tau / 100.0 * (1.0 + 1e-12)
 
 
 def test_a_gauss_markov_model_keeps_its_variance():

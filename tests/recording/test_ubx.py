@@ -158,6 +158,13 @@ def test_satellites_and_signals_without_a_name_are_counted(log):
     assert any("GLONASS satellite 255 (1), GPS signal 9 (1), gnssId 4 signal 0 (1)" in note for note in r.notes)
 
 
+def test_a_satellite_without_a_name_does_not_spoil_a_log_of_other_bands(log):
+    """Of BeiDou alone: the row that is left out has no wavelength, and needs none."""
+    r = read_ubx(log(rawx(1.0, measurement(3, 20, 0), measurement(3, 255, 0), measurement(3, 20, 99))))
+    assert (len(r.observations), r.observations.signals) == (1, ("2I",))
+    assert any("BeiDou satellite 255 (1), BeiDou signal 99 (1)" in note for note in r.notes)
+
+
 def test_the_table_of_signals():
     assert satellite_of(5, 3) == satellite("J03")
     assert satellite_of(1, 120) == satellite("S20")

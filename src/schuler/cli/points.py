@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from schuler import units
 from schuler.cli.baseline import ephemerides_of
-from schuler.cli.output import Flag, Folder, print_json, print_verdict, say
+from schuler.cli.output import Flag, Folder, print_json, print_verdict, progress, say
 from schuler.cli.reading import Part
 from schuler.exceptions import FileFormatError, InputError
 from schuler.gnss.atmosphere import Ionosphere, Troposphere
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 _ALL = Part()
 _NO_EPHEMERIS, _NOT_SELECTED = 1, 7  # of schuler.gnss.ranges.REASONS
-_NOT_ASKED_FOR = 7  # of schuler.gnss.point_result.STATUS
+_TOO_FEW, _NOT_ASKED_FOR = 2, 7  # of schuler.gnss.point_result.STATUS
 _MEASURED = "raw measurements of a receiver (RINEX observations, u-blox RXM-RAWX, RTCM 3, GnssLogger)"
 _OF_ANYTHING = (".parquet", ".mat")
 #: Names of options by those of the library's arguments.
@@ -121,7 +121,8 @@ def points(
         name, colon, rest = str(error).partition(":")
         name = _OPTIONS.get(name, f"--{name}" if name in options else name)
         raise InputError(name + colon + rest) from None
-    solution = solve_points(ranges, integrity=integrity)
+    with progress("solving positions") as bar:
+        solution = solve_points(ranges, integrity=integrity, progress=bar)
     about = recording.metadata
     notes = [n for n in about.notes if n not in solution.notes]
     true_r_e = None if truth is None else _true_positions(truth, solution, about, notes)
@@ -297,6 +298,7 @@ def _true_positions(run: Run, points: PointSolution, about: Metadata, notes: lis
 
 def _write(folder: Path, evaluation: PointEvaluation, about: Metadata) -> tuple[PointEvaluation, dict[str, Path]]:
     """Table, positions and track of an evaluation; it comes back with notes on what is not in them."""
+    from schuler.recording.formats.rtklib import write_pos
     from schuler.recording.io import write
     from schuler.recording.satellite_positions import gnss_series
 
@@ -305,15 +307,15 @@ def _write(folder: Path, evaluation: PointEvaluation, about: Metadata) -> tuple[
     if not points.ok.any():
         return evaluation, files
     missing = int(points.ok.sum()) - int(points.velocity_ok.sum())
-    if missing:  # every position counts more than velocities, which a .pos file has for all or for none
-        note = (
-            f"{missing} of {int(points.ok.sum())} positions have no velocity: points.pos has none, points.csv those of "
-            "the others"
-        )
+    still = replace(points, velocity_status=np.full(len(points), _NOT_ASKED_FOR)) if missing else points
+    moving = None
+    if missing and points.velocity_ok.any():
+        moving = gnss_series(replace(points, status=np.where(points.velocity_ok, points.status, _TOO_FEW)))
+    if missing:
+        note = f"{missing} of {int(points.ok.sum())} positions have no velocity: their rows of points.pos end before it"
         evaluation = replace(evaluation, points=replace(points, notes=(*points.notes, note)))
-        points = replace(points, velocity_status=np.full(len(points), _NOT_ASKED_FOR))
-    fixes = Recording(gnss=gnss_series(points), metadata=replace(about, notes=points.notes))
+    fixes = Recording(gnss=gnss_series(still), metadata=replace(about, notes=evaluation.points.notes))
     if about.time.scale == "gps":
-        (files["points"],) = write(fixes, folder / "points.pos")
+        (files["points"],) = write_pos(fixes, folder / "points.pos", velocities=moving)
     (files["track"],) = write(fixes, folder / "points.kml")
     return evaluation, files

@@ -27,6 +27,7 @@ NAVIGATION = ("dpsi", "dv", "dr")
 _GYRO, _ACCEL, _OTHER = 0, 1, -1
 _OFF_DIAGONAL = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
 _UPPER = ((0, 1), (0, 2), (1, 2))
+_WALK_S, _FASTER_S = 100.0, 10.0  # of a bias instability: where its walk reaches it, and the decade below [s]
 
 #: Rows (sensor, axis, regressor) of each kind of block: regressor 0 is time, 1-3 specific force, 4-6 angular rate.
 BLOCKS: MappingProxyType[str, tuple[tuple[int, int, int], ...]] = MappingProxyType(
@@ -308,7 +309,9 @@ def layout_for(spec: ImuSpec, states: int | tuple[str, ...] = 15) -> StateLayout
     short-term growth of the wander (``sigma sqrt(2 / tau)``, or K). A Gauss-Markov model would pull the estimate of the
     turn-on part to zero with its correlation time; with 27 states both parts are modelled as what they are. A bias
     instability B has no model of finite order: its walk is chosen to reach the flat 0.664 B of the Allan deviation at
-    100 s, and the wander over a run, 1.9 B, goes into the initial uncertainty.
+    100 s, and the wander over a run, 1.9 B, goes into the initial uncertainty. At shorter times the walk is too little
+    of it: where no in-run bias is stated, ``b_a_run`` and ``b_g_run`` are the process of 10 s of the sum that makes
+    such noise (:func:`schuler.sensors.noise.flicker`).
 
     References
     ----------
@@ -348,12 +351,16 @@ def layout_for(spec: ImuSpec, states: int | tuple[str, ...] = 15) -> StateLayout
 
 def _model(name: str, triad: TriadSpec, *, separate: bool) -> StateModel:
     if name.endswith("_run"):
-        if not triad.in_run_time:
-            raise InputError(f"{name} needs an in-run bias with its correlation time in the specification")
-        return StateModel.gauss_markov(triad.in_run_bias, triad.in_run_time)
+        if triad.in_run_time:
+            return StateModel.gauss_markov(triad.in_run_bias, triad.in_run_time)
+        if not triad.bias_instability:
+            raise InputError(
+                f"{name} needs an in-run bias with its correlation time, or a bias instability, in the specification"
+            )
+        return StateModel.gauss_markov(triad.bias_instability * float(np.sqrt(np.log(10.0) / np.pi)), _FASTER_S)
     if name in ("b_a", "b_g"):
         wander = 0.0 if separate or not triad.in_run_time else triad.in_run_bias
-        walks = [triad.rate_random_walk, allan_minimum(triad.bias_instability) * np.sqrt(3.0 / 100.0)]
+        walks = [triad.rate_random_walk, allan_minimum(triad.bias_instability) * np.sqrt(3.0 / _WALK_S)]
         if wander:
             walks.append(wander * np.sqrt(2.0 / triad.in_run_time))
         sigmas = [triad.turn_on_bias, wander, 1.9 * triad.bias_instability]

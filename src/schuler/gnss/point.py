@@ -5,6 +5,8 @@ The models are those of :mod:`schuler.gnss.ranges`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from schuler import frames
@@ -29,6 +31,7 @@ def solve_points(
     start: ArrayLike | None = None,
     integrity: Integrity | None = DEFAULT_INTEGRITY,
     velocity: bool = True,
+    progress: Callable[[float], None] | None = None,
 ) -> PointSolution:
     """Position, clocks, velocity and drift of every epoch, faults found and left out.
 
@@ -43,6 +46,8 @@ def solve_points(
         Settings of the search for faults; ``None`` looks for none.
     velocity : bool
         Whether range rates are solved too.
+    progress : callable, optional
+        Called with the fraction done.
 
     Returns
     -------
@@ -86,6 +91,8 @@ def solve_points(
         count = min(_CHUNK, len(t) - begin)
         padded = Padded.of(ranges, rows, epoch[rows] - begin, count, sigma[rows], sigma_rate[rows])
         parts.append(_solve(padded, first[begin : begin + count], integrity, velocity, rows.stop - rows.start))
+        if progress is not None:
+            progress((begin + count) / len(t))
     joined = {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
     dops = Dilution(*(joined.pop(name) for name in ("gdop", "pdop", "hdop", "vdop", "tdop")))
     points = PointSolution(t=t, groups=ranges.groups, epoch=epoch, sat=ranges.sat, dilution=dops, notes=notes, **joined)

@@ -24,6 +24,7 @@ from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import TextTable
 from schuler.recording.io.raw import Raw, check_increasing, reject_not_finite
 from schuler.recording.recording import Recording
+from schuler.recording.series import GnssSeries
 from schuler.timebase import GPS_EPOCH, UNIX_TO_GPS_S, WEEK_S, calendar, gps_from_unix
 
 _LAYOUTS = {"latitude(deg)": "llh", "x-ecef(m)": "ecef", "latitude(d'": "dms", "e-baseline(m)": "baseline"}
@@ -86,8 +87,14 @@ def read_pos(path: Path, hints: ReadHints) -> Recording:
             path,
             header.first,
         )
-    values, truncated = lines.load(table, n, list(range(n)), allow_truncated=hints.allows("truncated"))
     raw = Raw(path, {}, {}, table.line_of)
+    try:
+        values, truncated = lines.load(table, n, list(range(n)), allow_truncated=hints.allows("truncated"))
+    except FileFormatError:
+        some = _some_with_velocity(table, n_time, raw)
+        if some is None:
+            raise
+        values, truncated = some, False
     if truncated:
         raw.notes.append("The last line was cut off and left out.")
     reject_not_finite(raw, values)
@@ -108,6 +115,29 @@ def read_pos(path: Path, hints: ReadHints) -> Recording:
         gnss = gnss_series(raw, hints, t)
         raw.notes += checks.timing_notes(t)
         return Recording(gnss=gnss, metadata=metadata_of(path, hints, base, raw.notes, sources()))
+
+
+def _some_with_velocity(table: TextTable, n_time: int, raw: Raw) -> FloatArray | None:
+    """Rows of a file some of which end before their velocity, as RTKLIB reads them, noted; None where others fail.
+
+    A series has velocities for all epochs or for none: the epochs without one are left out, or, if they are more than
+    half, the velocities.
+    """
+    rows = list(table.rows())
+    complete = np.array([len(fields) == n_time + _WITH_VELOCITY for _, fields in rows])
+    if not all(len(fields) in (n_time + _POSITION, n_time + _WITH_VELOCITY) for _, fields in rows):
+        return None
+    missing, n = int(np.sum(~complete)), len(rows)
+    all_of_them = missing > n // 2
+    kept = [k for k in range(n) if all_of_them or complete[k]]
+    try:
+        values = np.array([rows[k][1][: n_time + _POSITION] if all_of_them else rows[k][1] for k in kept], dtype=float)
+    except ValueError:
+        return None
+    lost = f"velocities of the other {n - missing} were" if all_of_them else "were"
+    raw.notes.append(f"{missing} of {n} epochs have no velocity: {lost} left out.")
+    raw.line_of = lambda row: rows[kept[row]][0]
+    return values
 
 
 def read_header(path: Path) -> PosHeader:
@@ -258,7 +288,7 @@ def _put_rotated(raw: Raw, cov_e: FloatArray, C_en: FloatArray, sigma: tuple[str
     raw.values |= dict(zip(cross, (cov_n[:, 0, 1], cov_n[:, 0, 2], cov_n[:, 1, 2]), strict=True))
 
 
-def write_pos(recording: Recording, path: Path | str) -> list[Path]:
+def write_pos(recording: Recording, path: Path | str, *, velocities: GnssSeries | None = None) -> list[Path]:
     """Write the GNSS series as an RTKLIB solution: GPS time, degrees, ellipsoidal heights.
 
     Parameters
@@ -266,6 +296,8 @@ def write_pos(recording: Recording, path: Path | str) -> list[Path]:
     recording : Recording
         With a GNSS series on GPS time.
     path : Path or str
+    velocities : GnssSeries, optional
+        Series with the velocities at some of the times. Rows of the others end before it, which RTKLIB reads as "none".
 
     Returns
     -------
@@ -295,12 +327,14 @@ def write_pos(recording: Recording, path: Path | str) -> list[Path]:
         "%  GPST                      latitude(deg)   longitude(deg)       height(m)   Q  ns      sdn(m)      sde(m)"
         "      sdu(m)     sdne(m)     sdeu(m)     sdun(m) age(s)  ratio"
     )
-    if gnss.v_n is not None and gnss.cov_v_n is not None:
-        velocity = np.column_stack((gnss.v_n * (1.0, 1.0, -1.0), _sigma_columns(gnss.cov_v_n)))
+    moving = gnss if velocities is None else velocities
+    velocity = np.empty((n, 0))
+    if moving.v_n is not None and moving.cov_v_n is not None:
+        velocity = np.full((n, _WITH_VELOCITY - _POSITION), np.nan)
+        stated = np.column_stack((moving.v_n * (1.0, 1.0, -1.0), _sigma_columns(moving.cov_v_n)))
+        velocity[np.searchsorted(gnss.t, moving.t)] = stated
         title += "       vn(m/s)     ve(m/s)     vu(m/s)        sdvn        sdve        sdvu       sdvne       sdveu"
         title += "       sdvun"
-    else:
-        velocity = np.empty((n, 0))
     with files.replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(f"% program   : schuler\n% name      : {' '.join(recording.metadata.name.split())}\n")
         stream.write(
@@ -310,7 +344,7 @@ def write_pos(recording: Recording, path: Path | str) -> list[Path]:
         for k, stamp in enumerate(_calendar_texts(gnss.t, base.epoch_gps_s)):
             lat, lon, h = gnss.llh[k] * (1.0 / units.DEG, 1.0 / units.DEG, 1.0)
             accuracy = " ".join(map(_accuracy_text, table[k]))
-            tail = "".join(f" {value:11.6f}" for value in velocity[k])
+            tail = "".join(f" {value:11.6f}" for value in velocity[k] if value == value)
             stream.write(
                 f"{stamp} {lat:16.11f} {lon:16.11f} {h:15.6f} {quality[k]:3d} {satellites[k]:3d} {accuracy}"
                 f" {0.0:6.2f} {0.0:6.1f}{tail}\n"

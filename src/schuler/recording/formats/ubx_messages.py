@@ -127,7 +127,7 @@ def raw_epochs(messages: Iterable[dict[str, Any]]) -> RawEpochs | None:
     channels = _channels(table, sat)
     cycle = np.full(len(sat), np.nan)
     for k, name in enumerate(signals):
-        here = signal == k
+        here = keep & (signal == k)
         cycle[here] = wavelengths(sat[here], name, channels)
     pseudorange = np.where(table["prValid"] == 1, table["prMes"], np.nan)
     carrier = np.where(table["cpValid"] == 1, table["cpMes"], np.nan)

@@ -147,6 +147,30 @@ def test_a_biased_gyroscope_is_told_from_gravity_by_what_turns_make_of_it(tmp_pa
     np.testing.assert_allclose(recording.imu.gyro, imu.gyro + 0.03, atol=1e-5)
 
 
+@pytest.mark.parametrize(("field", "told"), [(0.5, True), (1.0, False)])
+@pytest.mark.parametrize("order", [slice(None), [*range(3, 9), *range(3), *range(9, 14)]])
+def test_what_stands_beside_an_imu_is_passed_over(tmp_path, capsys, order, field, told):
+    """A magnetometer, whose norm is constant too, a quaternion, a column that never changes: under a strange header.
+
+    In units of the field at the place a magnetometer's norm is that of gravity in g: nothing tells the two then.
+    """
+    errors = ImuErrors.draw(catalogue.spec("MPU-6050"), np.random.default_rng(4))
+    imu = hand_log(errors, np.random.default_rng(6), poses=12, initial_rest_s=5.0).rates()
+    q = np.cumsum(np.random.default_rng(7).standard_normal((len(imu), 4)), axis=0)
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    magnetic = -field * imu.accel[:, [1, 0, 2]] / np.linalg.norm(imu.accel, axis=1, keepdims=True)
+    rows = np.column_stack((imu.accel, imu.gyro, magnetic, q, np.full(len(imu), 7.0)))[:, order]
+    path = tmp_path / "turned.txt"
+    np.savetxt(path, np.column_stack((imu.t, rows)), fmt="%.5f", header="zeit " + " ".join("abcdefghijklmn"))
+    if not told:
+        assert "--columns" in refusal(capsys, "info", path)
+        return
+    recording = Reading().read(path)
+    assert "--columns" in capsys.readouterr().err
+    np.testing.assert_allclose(recording.imu.accel, imu.accel, atol=1e-5)  # printed digits
+    np.testing.assert_allclose(recording.imu.gyro, imu.gyro, atol=1e-5)
+
+
 def test_a_folder_is_read_as_navigate_would_read_it(tmp_path, capsys):
     """info recognises columns of a folder's files, and names the folders in one that has no logs of its own."""
     (tmp_path / "inner").mkdir()

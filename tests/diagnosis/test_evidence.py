@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import schuler
+from schuler.calibration.freepose.simulation import hand_log
 from schuler.diagnosis.gyro_unit import by_turns, turns_between
 from schuler.diagnosis.lag import explained
 from schuler.diagnosis.motion import WindowMeans, motion_of
@@ -20,6 +21,7 @@ from schuler.diagnosis.sampling import check_temperature
 from schuler.exceptions import InputError
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.series import ImuSeries
+from schuler.sensors import ImuErrors
 from schuler.standstill.unscaled import unscaled_rests
 from schuler.units import DEG, G0
 
@@ -153,6 +155,30 @@ def test_one_or_two_turns_are_not_explained_by_chance():
     assert factor == pytest.approx(1.0 / 0.7, rel=0.1)
     np.testing.assert_array_equal(P, np.eye(3))
     assert diagnose(Recording(imu=imu, metadata=Metadata("turns"))).ok
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.0 / DEG])
+def test_a_large_zero_rate_output_is_no_turning(factor):
+    """Put down by hand in twelve poses: 20 deg/s, which data sheets of cheap gyroscopes allow, in every one of them."""
+    imu = hand_log(ImuErrors(), np.random.default_rng(5), poses=12, initial_rest_s=5.0).rates()
+    rng = np.random.default_rng(6)
+    gyro = imu.gyro + rng.normal(0.0, 1e-3, imu.gyro.shape) + 20.0 * DEG * np.array([1.0, -1.0, 1.0])
+    imu = replace(imu, gyro=factor * gyro, accel=imu.accel + rng.normal(0.0, 0.02, imu.accel.shape))
+    assert len(unscaled_rests(imu)) == 12
+    diagnosis = diagnose(Recording(imu=imu, metadata=Metadata("biased")))
+    assert "unit of angular rate (turns of gravity)" in diagnosis.checked
+    assert diagnosis.codes() == (() if factor == 1.0 else ("gyro_unit",))
+
+
+def test_a_turntable_is_no_rest():
+    """Specific force is constant about the vertical, too; gravity along one axis alone leaves a bias unproven."""
+    rng = np.random.default_rng(7)
+    n = 6000
+    turning = np.repeat([[0.0, 0.0, 20.0 * DEG], [0.0, 0.0, 60.0 * DEG]], n // 2, axis=0)
+    f = np.array([0.0, 0.0, -G0]) + rng.normal(0.0, 0.02, (n, 3))
+    imu = ImuSeries(np.arange(n) / 100.0, turning + rng.normal(0.0, 1e-3, (n, 3)), f)
+    shaken = replace(imu, gyro=imu.gyro + rng.normal(0.0, 0.02, (n, 3)) * (np.arange(n) >= n // 2)[:, None])
+    assert len(unscaled_rests(shaken)) == 0
 
 
 def test_one_line_of_python(good):

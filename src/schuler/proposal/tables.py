@@ -27,6 +27,7 @@ _GRAVITY = 0.7  # logarithm of the median norm over gravity's that motion and a 
 _POOR_SCALE = 0.15
 _FASTEST_S, _SLOWEST_S = 1.0 / 4000.0, 1.0 / 8.0
 _CALLED = {"accel": re.compile(r"acc", re.IGNORECASE), "gyro": re.compile(r"gyr", re.IGNORECASE)}
+_UNIT_NORM = 1e-3  # digits of a written quaternion
 _UNIX_S = (1e9, 2.1e9)  # the years 2001 to 2036
 
 
@@ -50,16 +51,19 @@ def imu_columns(path: Path) -> tuple[str, str] | None:
     clock = [k for k in range(values.shape[1]) if _is_clock(values[:, k])]
     if not clock and (np.diff(values, axis=0).min(axis=0) >= 0.0).any() and values.shape[1] == 7:
         return None  # a counter of rows
-    others = [k for k in range(values.shape[1]) if k not in clock]
+    idle = _constant_or_attitude(values)
+    others = [k for k in range(values.shape[1]) if k not in clock and k not in idle]
     triads = [(k, k + 1, k + 2) for k in others if k + 1 in others and k + 2 in others]
     calm = {trio: _spread(values[:, trio]) for trio in triads}
     pairs = [
         (a, g)
         for a, g in itertools.permutations(triads, 2)
-        if (calm[a] < _STEADY or _is_gravity(values[:, a])) and not set(a) & set(g) and _aligned(a, g, others)
+        if (_is_gravity(values[:, a]) or (calm[a] < _STEADY and len(others) <= 8))
+        and not set(a) & set(g)
+        and _aligned(a, g, others)
     ]
-    if not pairs or len(others) > 8:
-        return None
+    if not pairs or (len(others) > 8 and len({a for a, _ in pairs}) > 1):
+        return None  # of three triads only one may be gravity
     lively = {trio: _spread(values[:, trio], calm=False) for trio in triads}
     # a gyroscope's bias is as constant at rest as gravity, but turns change its norm
     for spread in (lively, calm):
@@ -262,6 +266,15 @@ def _is_clock(x: FloatArray) -> bool:
     return bool(near.mean() > 0.9 and not (usual == 1.0 and (step == 1.0).all()))
 
 
+def _constant_or_attitude(values: FloatArray) -> set[int]:
+    """Columns of no IMU: those that never change, and four in a row that are a quaternion of norm one."""
+    idle = set(np.flatnonzero(np.ptp(values, axis=0) == 0.0).tolist())
+    for k in range(values.shape[1] - 3):
+        if np.all(np.abs(np.linalg.norm(values[:, k : k + 4], axis=1) - 1.0) < _UNIT_NORM):
+            idle |= set(range(k, k + 4))
+    return idle
+
+
 def _spread(x: FloatArray, calm: bool = True) -> float:
     """Spread of block means' norm over its median: in the calmer half of the blocks, or in both extreme tenths."""
     n = len(x) // _BLOCK
@@ -280,6 +293,12 @@ def _is_gravity(x: FloatArray) -> bool:
 
 
 def _aligned(accel: tuple[int, ...], gyro: tuple[int, ...], others: list[int]) -> bool:
-    """Whether the triads fill the columns that are no clock, but for a temperature: x, y, z of each in order."""
+    """Whether the triads fill the columns that are no clock, x, y, z of each in order.
+
+    But for a temperature or two, or a third triad, of magnetometers, with a temperature at the end.
+    """
     first, second = sorted((others.index(accel[0]), others.index(gyro[0])))
-    return (first, second) in ((0, 3), (0, 4), (1, 4)) and len(others) - 6 <= 2
+    rest = len(others) - 6
+    if rest in (3, 4):
+        return (first, second) in ((0, 3), (0, 6), (3, 6))
+    return (first, second) in ((0, 3), (0, 4), (1, 4)) and rest <= 2

@@ -9,6 +9,9 @@ import numpy as np
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.recording.series import ImuSeries
 from schuler.standstill.intervals import true_runs
+from schuler.units import DEG
+
+_ANOTHER_ATTITUDE = 30.0 * DEG
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,8 @@ def unscaled_rests(
     times = t[: m * per].reshape(m, per)
     typical = float(np.median(np.linalg.norm(imu.accel, axis=1)))
     f_sd, w_sd = f.std(axis=1), w.std(axis=1)
-    still = _steady_force(f, f_sd, typical, force_spread, force_drift) & _quiet_rates(w, w_sd, imu.gyro, rate_noise)
+    steady = _steady_force(f, f_sd, typical, force_spread, force_drift)
+    still = steady & _quiet_rates(w, w_sd, imu.gyro, rate_noise, f.mean(axis=1), steady)
     if speed is not None:
         middle = times.mean(axis=1)
         inside = (middle >= speed[0][0]) & (middle <= speed[0][-1])
@@ -114,8 +118,15 @@ def _steady_force(f: FloatArray, f_sd: FloatArray, typical: float, spread: float
     return np.asarray(steady & (np.abs(level - typical) < 0.3 * max(typical, 1e-300)))
 
 
-def _quiet_rates(w: FloatArray, w_sd: FloatArray, gyro: FloatArray, factor: float) -> BoolArray:
-    """Windows (m, per, 3) as quiet as the quietest tenth, whose mean rate is the bias there. Shape (m,)."""
+def _quiet_rates(
+    w: FloatArray, w_sd: FloatArray, gyro: FloatArray, factor: float, f: FloatArray, steady: BoolArray
+) -> BoolArray:
+    """Windows (m, per, 3) as quiet as the quietest tenth, whose mean rate is the bias there. Shape (m,).
+
+    ``f`` is the mean specific force of each, ``steady`` where that is constant. A rate that is not small beside those
+    of the log may be that of a turntable; but specific force stays constant only if the axis of turning is vertical,
+    so the same rate with gravity along other axes is a bias, such as the 20 deg/s of cheap gyroscopes.
+    """
     noise, mean = w_sd.max(axis=1), w.mean(axis=1)
     quietest, loudest = np.quantile(noise, 0.1), np.quantile(noise, 0.9)
     quiet = noise <= factor * quietest
@@ -124,7 +135,11 @@ def _quiet_rates(w: FloatArray, w_sd: FloatArray, gyro: FloatArray, factor: floa
         # the mean rate at rest is the bias: it must be that of the quietest windows, not merely small
         off = np.linalg.norm(mean - np.median(mean[noise <= quietest], axis=0), axis=1)
         top = float(np.quantile(rate, 0.98))
-        quiet &= (rate <= 0.1 * np.abs(gyro).max()) & (off <= 2.0 * np.maximum(quietest, 1e-300) + 0.005 * top)
+        quiet &= off <= 2.0 * np.maximum(quietest, 1e-300) + 0.005 * top
+        up = f[quiet & steady]
+        up = up / np.linalg.norm(up, axis=1, keepdims=True)
+        if not len(up) or float((up @ up[0]).min()) > np.cos(_ANOTHER_ATTITUDE):
+            quiet &= rate <= 0.1 * np.abs(gyro).max()
     return np.asarray(quiet)
 
 

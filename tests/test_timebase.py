@@ -300,3 +300,14 @@ def test_times_increase_and_the_first_that_does_not_is_named():
             timebase.check_times(t, "t")
     with pytest.raises(InputError, match="expected at least one sample, got none"):
         timebase.check_times([], "t")
+
+
+@pytest.mark.parametrize("n", [9, 10, 11, 12])
+def test_stamps_of_long_logs_are_compared_a_block_at_a_time_and_none_is_missed(n, monkeypatch):
+    monkeypatch.setattr(timebase, "_BLOCK", 5)
+    timebase.check_times(np.arange(n), "t")
+    for k in range(1, n):
+        t = np.arange(n, dtype=np.float64)
+        t[k] = t[k - 1]
+        with pytest.raises(InputError, match=f"but sample {k} repeats"):
+            timebase.check_times(t, "t")

@@ -252,3 +252,25 @@ def test_noise_density_along_a_body_axis_is_that_axis_own():
     np.testing.assert_allclose(np.diag(C.T @ Q[0:3, 0:3] @ C), gyro, rtol=1e-13)
     np.testing.assert_allclose(np.diag(C.T @ Q[3:6, 3:6] @ C), accel, rtol=1e-13)
     assert not Q[0:3, 3:6].any()
+
+
+def test_parameters_forget_as_their_models_say():
+    """Of a Gauss-Markov state the expectation decays with its time constant, in either axes; others stay."""
+    models = {"b_a": StateModel.gauss_markov(1e-3, 200.0), "b_g": StateModel.gauss_markov(1e-6, 50.0)}
+    layout = StateLayout({**models, "S_a": StateModel.constant(1.0), "S_g": StateModel.random_walk(1.0, 1e-3)})
+    llh, v_n, C_nb, omega, f, _ = random_state(0)
+    expected = np.diag(np.repeat([-1.0 / 200.0, -1.0 / 50.0, 0.0, 0.0], 3))
+    C_eb, r_e = frames.C_en(llh) @ C_nb, frames.ecef_from_llh(llh)
+    for F in (
+        system_matrix_ecef(layout, C_eb, r_e, omega, f),
+        system_matrix_ned(layout, C_nb, v_n, llh, omega, f),
+    ):
+        np.testing.assert_allclose(F[9:, 9:], expected, rtol=1e-14)  # rounding
+        assert not F[9:, :9].any()
+
+
+def test_sensor_errors_are_those_of_the_sensors_states_alone():
+    more = StateLayout({**LAYOUT.models, "lever": StateModel.constant(1.0), "odometer": StateModel.constant(1.0)})
+    est = np.random.default_rng(1).standard_normal(more.size - 9)
+    for one, other in zip(sensor_matrices(more, est), sensor_matrices(LAYOUT, est[:M]), strict=True):
+        np.testing.assert_array_equal(one, other)

@@ -261,3 +261,10 @@ def test_an_empty_schedule_has_the_shapes_of_one_without_times():
     for name in ("t", "kind", "z", "R", "lever", "gate"):
         assert getattr(empty, name).shape == getattr(none, name).shape
         assert getattr(empty, name).dtype == getattr(none, name).dtype
+
+
+def test_what_no_filter_has_seen_is_unused():
+    from schuler.filtering.filter_arrays import Aiding
+
+    assert set(Aiding.of(ms.position(1.0, [0.8, 0.1, 300.0], [1.0, 1.0, 2.0])).status) == {ms.UNUSED}
+    assert set(ms.STATUS) == {ms.UNUSED, ms.ACCEPTED, ms.REJECTED, ms.FORCED, ms.GATED}

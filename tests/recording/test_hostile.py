@@ -132,3 +132,21 @@ def test_names_are_no_formulas_of_a_spreadsheet(tmp_path, name):
     assert f"'{name}" in written
     assert ",-1.5," in written  # a number stays one
     assert "\nax,2.0,\n" in written
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "words"),
+    [
+        ("log.csv", b"t,ax,ay,az,gx,gy,gz\n" + b"1," * 500_000 + b"\n", "a line has 1000001 characters"),
+        ("log.txt", b"1 " * 500_000, "a line has 1000000 characters"),
+        ("log.kml", b'<?xml version="1.0"?><kml>' + b"<Folder>" * 200_000, "more than 100 deep in each other"),
+    ],
+)
+def test_lines_and_elements_without_an_end_are_refused_at_once(tmp_path, name, data, words):
+    """A line of 10 MB took 25 s and more, elements in each other 230 bytes of memory for each of the file."""
+    path = tmp_path / name
+    path.write_bytes(data)
+    began = time.process_time()
+    with pytest.raises(FileFormatError, match=words):
+        read(path)
+    assert time.process_time() - began < 5.0

@@ -130,13 +130,20 @@ def navigate(
         from schuler.navigation.report.backdrop import read_backdrop
 
         backdrop = read_backdrop(background)
+    still = None
+    if (
+        report or figures
+    ) and recording.imu is not None:  # now: with the solution beside it a day takes too much memory
+        from schuler.navigation.report.subject import still_stretches
+
+        still = still_stretches(recording.imu)
     with progress("navigating") as bar:
         result = run(recording, loaded, progress=bar)
     folder = Path(f"{log.resolve().stem}-solution") if out is None else out
     outcome = evaluate_run(recording, result, loaded.filter.smooth)
     outcome.numbers["elapsed_s"] = time.perf_counter() - began
     files = write_outputs(
-        folder, recording, outcome, report=report, figures=figures, tables=tables, background=backdrop
+        folder, recording, outcome, report=report, figures=figures, tables=tables, background=backdrop, still=still
     )
     if proposal is not None:
         files["configuration"] = write_text(folder / "drive.toml", proposal.toml())
@@ -163,6 +170,7 @@ def write_outputs(
     figures: bool,
     tables: bool,
     background: Any = None,
+    still: list[tuple[float, float]] | None = None,
 ) -> dict[str, Path]:
     """Write all files of a run; return their paths by name."""
     from schuler.recording.formats.track import write_kml
@@ -182,7 +190,7 @@ def write_outputs(
         "smoothed": smoothed, "reference": outcome.reference, "at_antenna": outcome.at_antenna,
         "truth_parameters": outcome.truth_parameters, "origin": recording.start, "gnss": recording.gnss,
         "ranges": result.ranges, "points": result.points, "background": background,
-        "imu": recording.imu,
+        "imu": recording.imu, "still": still,
     }  # fmt: skip
     if report:
         from schuler.navigation.report.document import navigation_report

@@ -329,6 +329,8 @@ def run(
     n_rec = int((increments.t[-1] - increments.start) / options.record_s) + 2
     aiding = Aiding.of(used)
     out = TrajectoryArrays.of_size((N + every - 1) // every)
+    if every == 1 and increments.t.flags.writeable:
+        out = out._replace(t=increments.t)  # the same numbers: of a day at 200 Hz 140 MB
     rec = RecordArrays.of_size(n_rec, n)
     keeps = _most_nodes(increments, state, M, n_rec), M
     node = NodeArrays.of_size(*(keeps if options.smoother else (0, 0)), n, layout.n_sensor)

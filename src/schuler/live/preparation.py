@@ -20,7 +20,8 @@ from schuler.live.queue import SIZE
 from schuler.live.readings import Readings
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.preparation import MISSING
-from schuler.navigation.recent_samples import SPIKE, RecentSamples
+from schuler.navigation.inputs.spikes import IN_A_ROW, SPIKE
+from schuler.navigation.recent_samples import RecentSamples
 from schuler.navigation.start.calibration import CalibrationStart
 from schuler.recording.io.checks import MAX_FORCE, MAX_RATE
 from schuler.recording.series import ImuSeries, Kind
@@ -218,11 +219,12 @@ class SamplePreparation:
         return rates.gyro * h, rates.accel * h
 
     def _motion(self, gyro: FloatArray, accel: FloatArray) -> BoolArray:
-        """Readings that a vehicle can have, by those before; a second one in a row is believed. Shape (n,)."""
+        """Readings that a vehicle can have, by those before; a fourth one in a row is believed. Shape (n,)."""
         rate, force = np.abs(gyro).max(axis=1, initial=0.0), np.abs(accel).max(axis=1, initial=0.0)
         keep = np.ones(len(gyro), dtype=bool)
         for i in np.flatnonzero((rate > 20.0) | (force > 190.0)):  # the rest cannot be spikes
-            keep[i] = (i > 0 and not keep[i - 1]) or not self.recent.is_spike(float(rate[i]), float(force[i]))
+            doubted = i >= IN_A_ROW and not keep[i - IN_A_ROW : i].any()
+            keep[i] = doubted or not self.recent.is_spike(float(rate[i]), float(force[i]))
         return keep
 
 

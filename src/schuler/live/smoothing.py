@@ -61,9 +61,9 @@ def smoothed(run: ReplayFilter, lag_s: float) -> tuple[NavState, FloatArray] | N
     k = int(np.searchsorted(nodes.t, out.t[row] + 1e-9)) - 1  # the last of a time, as in a batch run
     record = np.full(a, -1, dtype=np.int64)
     record[k] = 0
-    minus, plus, packed = np.empty((a, n)), np.empty((a, n)), np.empty((1, n * (n + 1) // 2))
+    minus, plus, dx, packed = np.empty((a, 9)), np.empty((a, 9)), np.empty((1, n)), np.empty((1, n * (n + 1) // 2))
     backward.prepare_smoother()
-    backward.smooth(nodes, record, minus, plus, packed)
+    backward.smooth(nodes, record, minus, plus, dx, packed)
     t_row, q, v, r = (x[row : row + 1].copy() for x in out)
     backward.apply_corrections(t_row, q, v, r, nodes.t.copy(), minus, plus)
     return NavState(float(t_row[0]), r[0], v[0], q[0]), unpack_symmetric(packed, n)[0]

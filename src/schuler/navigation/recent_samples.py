@@ -10,18 +10,16 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.navigation.inputs.preparation import MISSING, PAUSE, bridging_noise
+from schuler.navigation.inputs.spikes import IN_A_ROW, SPIKE
 from schuler.recording.io.checks import MAX_FORCE, MAX_RATE
 from schuler.recording.series import ImuSeries
-from schuler.units import G0
 
 SPAN_S = 60.0  # of the samples that tell how far a bridge may be off [s]
 _MOST = 20_000  # samples
 _FOR_INTERVAL = 100  # samples whose median spacing is the sample interval
 _FEWEST = 10  # samples from which their own motion says how bad a bridge is
 _UNKNOWN = (0.3, 3.0)  # 1-sigma of a bridge before that: what vehicles do [rad/s], [m/s^2]
-#: A single sample beyond both is no motion: far beyond what was so far, and what vehicles bear for less than a sample.
-SPIKE = (20.0, 20.0 * G0)  # [rad/s], [m/s^2]
-_TIMES = 4.0  # the largest so far, forgotten over ...
+_TIMES = 4.0  # the largest so far, that a spike is beyond at least; forgotten over ...
 _FORGOTTEN_S = 10.0  # ... [s]
 
 
@@ -49,7 +47,7 @@ class RecentSamples:
         self.interval_s = interval_s
         self.keep = math.exp(-interval_s / _FORGOTTEN_S)  # of the largest from one sample to the next
         self.rows = np.zeros((min(max(round(SPAN_S / interval_s), 2 * _FEWEST), _MOST), 8))  # t, dt, dtheta, dv
-        self.largest = np.zeros(3)  # rate, specific force; whether the last sample was a spike
+        self.largest = np.zeros(3)  # rate, specific force; how many of the last samples were spikes
         self.count = np.zeros(1, dtype=np.int64)
 
     def checked(self, t: float, dt: float, dtheta: FloatArray, dv: FloatArray, bridge: bool) -> tuple[Sample, str]:
@@ -168,10 +166,10 @@ class RecentSamples:
         """A sample with the rate before it, or none, in place of a reading that is no motion, and its uncertainty."""
         keep = self.keep
         spikes = [
-            self.largest[2] == 0.0 and x > SPIKE[i] and x > _TIMES * self.largest[i]
+            self.largest[2] < IN_A_ROW and x > SPIKE[i] and x > _TIMES * self.largest[i]
             for i, x in enumerate((rate, force))
         ]
-        self.largest[2] = float(any(spikes))
+        self.largest[2] = self.largest[2] + 1.0 if any(spikes) else 0.0
         if not any(spikes):
             self.largest[0] = max(rate, keep * self.largest[0])
             self.largest[1] = max(force, keep * self.largest[1])

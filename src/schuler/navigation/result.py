@@ -21,7 +21,7 @@ from schuler.filtering.measurements import ACCEPTED, CLONE, DIMENSIONS, FORCED, 
 from schuler.filtering.states import BLOCK_TEXT, StateLayout
 from schuler.mechanization.strapdown import NavState
 from schuler.plotting.notebook import Displayed
-from schuler.recording.trajectory import KEPT, FullTrajectory, Trajectory
+from schuler.recording.trajectory import FullTrajectory, Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -289,9 +289,8 @@ class NavigationResult(Displayed):
         if key in self._errors:
             return self._errors[key][1]
         errors = trajectory_errors(self.antenna() if at_antenna else self.trajectory, reference)
-        if len(errors.t) < KEPT:
-            self._errors.clear()  # the last is asked for again: numbers first, then figures
-            self._errors[key] = reference, errors
+        self._errors.clear()  # the last is asked for again: numbers first, then figures
+        self._errors[key] = reference, errors
         return errors
 
     @cached_property

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schuler import rotation
 from schuler.arrays import FloatArray
 from schuler.filtering.engine import unpack_symmetric
-from schuler.recording.trajectory import FullTrajectory
+from schuler.recording.trajectory import KEPT, FullTrajectory
 
 if TYPE_CHECKING:
     from schuler.navigation.result import NavigationResult
@@ -31,7 +32,8 @@ def smooth_run(
     Returns
     -------
     trajectory, states : FullTrajectory
-        Smoothed output trajectory and navigation states at the records.
+        Smoothed output trajectory, of a long run without ``keep`` a :class:`CorrectedTrajectory`, and navigation states
+        at the records.
     parameters : ndarray, shape (k, m)
         Smoothed parameter estimates at the records.
     covariance_e : ndarray, shape (k, n, n)
@@ -53,17 +55,17 @@ def smooth_run(
     at = np.searchsorted(nodes.t, result.t + 1e-9) - 1  # the last of a time: a covariance enlarged there has two
     record = np.full(n_nodes, -1, dtype=np.int64)
     record[at] = np.arange(len(at))
-    minus, plus = np.empty((n_nodes, n)), np.empty((n_nodes, n))
-    packed = np.empty((len(result.t), n * (n + 1) // 2))
-    k.smooth(nodes, record, minus, plus, packed)
+    minus, plus = np.empty((n_nodes, 9)), np.empty((n_nodes, 9))
+    dx, packed = np.empty((len(result.t), n)), np.empty((len(result.t), n * (n + 1) // 2))
+    k.smooth(nodes, record, minus, plus, dx, packed)
     t_nodes = nodes.t.copy()
     del nodes
-    trajectory, states = result.trajectory, result.states
-    q, v, r = trajectory.q_eb.copy(), trajectory.v_eb_e.copy(), trajectory.r_eb_e.copy()
-    k.apply_corrections(trajectory.t, q, v, r, t_nodes, minus, plus)
-    dx = plus[at]
+    states = result.states
+    trajectory: FullTrajectory = CorrectedTrajectory(result.trajectory, t_nodes, minus, plus)
+    if keep or len(trajectory) < KEPT:
+        trajectory = trajectory.samples(slice(None))
     return (
-        FullTrajectory(trajectory.t, r, v, q),
+        trajectory,
         FullTrajectory(
             states.t,
             states.r_eb_e + dx[:, 6:9],
@@ -73,3 +75,54 @@ def smooth_run(
         result.parameters + dx[:, 9:shown],
         unpack_symmetric(packed[:, : shown * (shown + 1) // 2], shown),
     )
+
+
+class CorrectedTrajectory(FullTrajectory):
+    """A trajectory with a smoother's corrections, made anew when asked for: kept, that of a day at 200 Hz takes 1.4 GB.
+
+    Parameters
+    ----------
+    filtered : FullTrajectory
+    t_nodes : ndarray, shape (k,)
+        Times of the corrections. [s]
+    minus, plus : ndarray, shape (k, 9)
+        Corrections of attitude, velocity and position before and after the measurements of each node, Earth-fixed axes.
+    """
+
+    def __init__(self, filtered: FullTrajectory, t_nodes: FloatArray, minus: FloatArray, plus: FloatArray) -> None:
+        object.__setattr__(self, "t", filtered.t)
+        object.__setattr__(self, "_filtered", filtered)
+        object.__setattr__(self, "_corrections", (t_nodes, minus, plus))
+        object.__setattr__(self, "_cache", {})
+
+    _filtered: FullTrajectory
+    _corrections: tuple[FloatArray, FloatArray, FloatArray]
+
+    @property
+    def r_eb_e(self) -> FloatArray:
+        """Position. Shape (n, 3). [m]"""
+        return self._whole("r_eb_e", 3)
+
+    @property
+    def v_eb_e(self) -> FloatArray:
+        """Velocity. Shape (n, 3). [m/s]"""
+        return self._whole("v_eb_e", 3)
+
+    @property
+    def q_eb(self) -> FloatArray:
+        """Attitude, body to Earth-fixed axes. Shape (n, 4)."""
+        return self._whole("q_eb", 4)
+
+    def _whole(self, name: str, columns: int) -> FloatArray:
+        values = np.empty((len(self), columns))
+        for rows in self.blocks():
+            values[rows] = getattr(self.samples(rows), name)
+        return values
+
+    def _samples(self, k: NDArray[Any] | slice, t: FloatArray) -> Self:
+        from schuler.filtering.kernels import smoother
+
+        part = self._filtered._samples(k, t)
+        r, v, q = part.r_eb_e.copy(), part.v_eb_e.copy(), part.q_eb.copy()
+        smoother.apply_corrections(np.ascontiguousarray(self.t[k]), q, v, r, *self._corrections)
+        return FullTrajectory(t, r, v, q)  # type: ignore[return-value]

@@ -279,8 +279,9 @@ def thin(columns: Sequence[FloatArray], limit: int = LIMIT) -> IntArray:
     keep[[0, n - 1]] = True
     for column in columns:
         for extreme, beyond in ((np.minimum, np.inf), (np.maximum, -np.inf)):
-            filled = np.where(gap, beyond, column)
-            at = np.flatnonzero(filled == np.repeat(extreme.reduceat(filled, edges[:-1]), np.diff(edges)))
+            filled = np.where(gap, beyond, column) if len(holes) else column
+            same = filled == np.repeat(extreme.reduceat(filled, edges[:-1]), np.diff(edges))
+            at = np.flatnonzero(same)
             keep[at[np.searchsorted(at, edges[:-1])]] = True  # the first of those that are equal in a stretch
     if len(holes):
         keep[gap] = False
@@ -318,9 +319,11 @@ def _broken(x: ArrayLike, *columns: ArrayLike) -> tuple[FloatArray, ...]:
     arrays = [np.asarray(c, dtype=np.float64) for c in columns]
     if len(x) < 3:
         return (x, *arrays)
-    step = np.diff(x)
-    forward = step[step > 0.0]  # several values at one time are no step
-    after = np.flatnonzero(step > 5.0 * np.median(forward)) + 1 if len(forward) else np.empty(0, dtype=np.int64)
+    forward = np.diff(x)
+    forward = forward[forward > 0.0]  # several values at one time are no step
+    usual = float(np.median(forward, overwrite_input=True)) if len(forward) else np.inf
+    del forward
+    after = np.flatnonzero(np.diff(x) > 5.0 * usual) + 1
     if not len(after):
         return (x, *arrays)
     middle = 0.5 * (x[after - 1] + x[after])

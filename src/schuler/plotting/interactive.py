@@ -208,7 +208,10 @@ def _samples(curves: Sequence[Samples]) -> list[dict[str, Any]]:
         values = []
         for curve in curves:
             y = curve.values()
-            step = max(0.5 * float(np.median(np.abs(np.diff(y)))), float(np.ptp(y)) / 2**20, 1e-30)
+            change = np.diff(y)
+            np.abs(change, out=change)
+            step = max(0.5 * float(np.median(change, overwrite_input=True)), float(np.ptp(y)) / 2**20, 1e-30)
+            del change
             if each > 1:
                 ends = (np.minimum.reduceat(y, starts), np.maximum.reduceat(y, starts))
                 y = np.stack(ends, axis=1).ravel()
@@ -222,9 +225,13 @@ def _samples(curves: Sequence[Samples]) -> list[dict[str, Any]]:
 
 def _integers(values: FloatArray, step: float) -> dict[str, Any]:
     """Multiples of a step as text: differences with their sign in the last bit, lowest bytes of all first, packed."""
-    whole = np.rint((values - values[0]) / step).astype(np.int64)
-    change = np.diff(whole, prepend=0)
+    whole = values - values[0]
+    whole /= step
+    np.rint(whole, out=whole)
+    change = np.diff(whole.astype(np.int64), prepend=0)
+    del whole
     folded = ((change << 1) ^ (change >> 63)).astype("<u4")
+    del change
     planes = folded.view(np.uint8).reshape(-1, 4).T
     return {"zero": float(values[0]), "step": step, "data": packed(planes.tobytes())}
 

@@ -249,12 +249,10 @@ class Recording(Displayed):
         span = f"{self.stop - self.start:.1f} s" if self._series() else "orbits of satellites only"
         lines = [f"{self.metadata.name}: {span}, {self.metadata.time.describe()}"]
         if self.imu is not None:
-            imu = self.imu.rates()
-            f, w = np.linalg.norm(imu.accel, axis=1), np.linalg.norm(imu.gyro, axis=1)
-            gaps = self.imu.gaps()
+            imu, gaps = self.imu, self.imu.gaps()
+            f, w = imu.magnitudes()
             lines.append(
-                f"  IMU   {len(imu)} samples at {imu.rate_hz:.4g} Hz ({self.imu.kind}), "
-                f"{self.imu.t[0]:.3f}..{self.imu.t[-1]:.3f} s"
+                f"  IMU   {len(imu)} samples at {imu.rate_hz:.4g} Hz ({imu.kind}), {imu.t[0]:.3f}..{imu.t[-1]:.3f} s"
             )
             lines.append(
                 f"        specific force {np.median(f):.3f} m/s^2 (median), angular rate up to "

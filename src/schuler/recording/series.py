@@ -174,6 +174,18 @@ class ImuSeries(Displayed):
         inc = self.increments()
         return replace(self, gyro=inc.dtheta_ib_b / inc.dt[:, None], accel=inc.dv_ib_b / inc.dt[:, None], kind="rate")
 
+    def magnitudes(self) -> tuple[FloatArray, FloatArray]:
+        """Sizes of specific force [m/s^2] and angular rate [rad/s], of increments mean ones. Shapes (n,)."""
+        inc = self.increments() if self.kind == "increment" else None
+        f, w = np.empty(len(self)), np.empty(len(self))
+        for start in range(0, len(self), _BLOCK):
+            k = slice(start, start + _BLOCK)
+            accel, gyro = self.accel[k], self.gyro[k]
+            if inc is not None:
+                accel, gyro = inc.dv_ib_b[k] / inc.dt[k, None], inc.dtheta_ib_b[k] / inc.dt[k, None]
+            f[k], w[k] = np.linalg.norm(accel, axis=1), np.linalg.norm(gyro, axis=1)
+        return f, w
+
     def rotated(self, C_bs: ArrayLike) -> ImuSeries:
         """The log in other axes.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Self
 
@@ -98,6 +99,8 @@ class Trajectory(Displayed):
     def llh(self) -> FloatArray:
         """Latitude, longitude [rad], ellipsoidal height [m]. Shape (n, 3)."""
         if "llh" not in self._cache:
+            if len(self) >= KEPT:
+                return self.mapped(lambda part: part.llh)
             if len(self) < _MANY:
                 llh = frames.llh_from_ecef(self.r_eb_e)
             else:
@@ -109,8 +112,10 @@ class Trajectory(Displayed):
     @property
     def v_eb_n(self) -> FloatArray:
         """Velocity north, east, down. Shape (n, 3). [m/s]"""
-        v_eb_e = self._velocity()
         if "v_eb_n" not in self._cache:
+            if len(self) >= KEPT:
+                return self.mapped(lambda part: part.v_eb_n)
+            v_eb_e = self._velocity()
             if len(self) < _MANY:
                 v_n = rotation.rotate(rotation.quat_conjugate(frames.q_en(self.llh)), v_eb_e)
             else:
@@ -122,8 +127,10 @@ class Trajectory(Displayed):
     @property
     def q_nb(self) -> FloatArray:
         """Attitude, body to north-east-down axes. Shape (n, 4)."""
-        q_eb = self._attitude()
         if "q_nb" not in self._cache:
+            if len(self) >= KEPT:
+                return self.mapped(lambda part: part.q_nb)
+            q_eb = self._attitude()
             if len(self) < _MANY:
                 q_nb = rotation.quat_multiply(rotation.quat_conjugate(frames.q_en(self.llh)), q_eb)
             else:
@@ -142,12 +149,9 @@ class Trajectory(Displayed):
         """Roll, pitch, yaw. Shape (n, 3). [rad]"""
         if "rpy_nb" in self._cache:
             return self._cache["rpy_nb"]
-        if len(self) < KEPT:
-            return self._kept("rpy_nb", rotation.rpy_from_quat(self.q_nb))
-        rpy = np.empty((len(self), 3))
-        for rows in self.blocks():
-            rpy[rows] = self.samples(rows).rpy_nb
-        return rpy
+        if len(self) >= KEPT:
+            return self.mapped(lambda part: part.rpy_nb)
+        return self._kept("rpy_nb", rotation.rpy_from_quat(self.q_nb))
 
     def blocks(self) -> list[slice]:
         """Rows of equal parts of at most 131072 samples, to work on a long trajectory in little memory."""
@@ -155,9 +159,26 @@ class Trajectory(Displayed):
         edges = np.linspace(0, n, -(-n // _BLOCK) + 1).astype(np.int64).tolist()
         return [slice(a, b) for a, b in itertools.pairwise(edges)]
 
-    def _kept(self, name: str, values: FloatArray) -> FloatArray:
+    def mapped(self, function: Callable[[Self], FloatArray]) -> FloatArray:
+        """Values of every sample, of a long trajectory made a block at a time.
+
+        Parameters
+        ----------
+        function : callable
+            Takes a trajectory of n samples, returns an array of n rows, none of which depends on another sample.
+        """
         if len(self) < KEPT:
-            self._cache[name] = values
+            return function(self)
+        values = np.empty(0)
+        for rows in self.blocks():
+            part = function(self.samples(rows))
+            if not rows.start:
+                values = np.empty((len(self), *part.shape[1:]))
+            values[rows] = part
+        return values
+
+    def _kept(self, name: str, values: FloatArray) -> FloatArray:
+        self._cache[name] = values
         return values
 
     def at(self, t: ArrayLike) -> Self:
@@ -231,15 +252,15 @@ class Trajectory(Displayed):
         Trajectory
             Position and attitude; velocities need the angular rate and are left out.
         """
-        if self.q_eb is None:
+        if (q_eb := self.q_eb) is None:
             raise InputError("a lever arm needs an attitude, and this trajectory has none")
         arm = np.asarray(l_bp_b)
         arm = as_floats(l_bp_b, "l_bp_b", (len(self.t), 3) if arm.ndim == 2 else (3,))
-        r = np.empty_like(self.r_eb_e)
+        r = np.empty((len(self), 3))
         for rows in self.blocks():
-            one = arm[rows] if arm.ndim == 2 else arm
-            np.add(self.r_eb_e[rows], rotation.rotate(self.q_eb[rows], one), out=r[rows])
-        return Trajectory(self.t, r, None, self.q_eb)
+            part = self.samples(rows)
+            np.add(part.r_eb_e, rotation.rotate(part._attitude(), arm[rows] if arm.ndim == 2 else arm), out=r[rows])
+        return Trajectory(self.t, r, None, q_eb)
 
 
 @dataclass(frozen=True, repr=False)

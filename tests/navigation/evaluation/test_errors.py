@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from schuler import frames, rotation
 from schuler.exceptions import InputError
 from schuler.navigation.evaluation.consistency import attitude_difference
-from schuler.navigation.evaluation.errors import TrajectoryErrors, trajectory_errors
+from schuler.navigation.evaluation.errors import DerivedErrors, TrajectoryErrors, trajectory_errors
+from schuler.navigation.smoother import CorrectedTrajectory
 from schuler.recording.trajectory import Trajectory
 
 PLACE = np.array([0.8, 2.0, 300.0])
@@ -69,8 +72,29 @@ def test_errors_are_kept_for_the_reference_they_are_against(full, monkeypatch):
     np.testing.assert_allclose(apart[0], [0.0, -5.0, 0.0], atol=1e-5)  # axes turn by 5 m / R
     assert result.errors(truth, at_antenna=True).velocity_n is None
     np.testing.assert_array_equal(result.errors(truth).position_n, first.position_n)
-    monkeypatch.setattr("schuler.navigation.result.KEPT", 1)  # of a long log nothing is kept
-    assert result.errors(east) is not result.errors(east)
+
+
+def test_errors_of_a_long_solution_are_made_anew_and_are_the_same(full, monkeypatch):
+    """In blocks, of a smoothed solution that is itself made anew: equal to the last bit, and nothing is held."""
+    result, truth = full.result, full.truth
+    smoothed = result.smooth()
+    short = [r.errors(T) for r in (result, smoothed) for T in (truth, truth.between(truth.t[7], truth.t[-9]))]
+    for module in ("recording.trajectory", "navigation.evaluation.errors", "navigation.smoother"):
+        monkeypatch.setattr(f"schuler.{module}.KEPT", 50)
+    monkeypatch.setattr("schuler.recording.trajectory._BLOCK", 30)
+    once = replace(result)
+    again = once.smooth(keep=False)
+    assert isinstance(again.trajectory, CorrectedTrajectory)
+    long = [r.errors(T) for r in (once, again) for T in (truth, truth.between(truth.t[7], truth.t[-9]))]
+    for one, other in zip(short, long, strict=True):
+        assert isinstance(other, DerivedErrors)
+        for name in ("t", "position_n", "velocity_n", "attitude_n", "horizontal"):
+            np.testing.assert_array_equal(getattr(other, name), getattr(one, name))
+        assert other.statistics() == one.statistics()
+        np.testing.assert_array_equal(other.between(50.0, 60.0).position_n, one.between(50.0, 60.0).position_n)
+        assert not {"position_n", "horizontal"} & set(vars(other))
+    for name in ("r_eb_e", "v_eb_e", "q_eb", "rpy_nb"):
+        np.testing.assert_array_equal(getattr(again.trajectory, name), getattr(smoothed.trajectory, name))
 
 
 def test_only_the_overlap_counts():

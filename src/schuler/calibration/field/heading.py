@@ -130,11 +130,11 @@ def smoothed_heading(problem: Problem, last: Pass) -> tuple[float, float]:
     n = problem.layout.size
     record = np.full(len(nodes.t), -1, dtype=np.int64)
     record[0] = 0
-    minus, plus = np.empty((len(nodes.t), n)), np.empty((len(nodes.t), n))
-    packed = np.empty((1, n * (n + 1) // 2))
-    k.smooth(nodes, record, minus, plus, packed)
+    minus, plus = np.empty((len(nodes.t), 9)), np.empty((len(nodes.t), 9))
+    dx, packed = np.empty((1, n)), np.empty((1, n * (n + 1) // 2))
+    k.smooth(nodes, record, minus, plus, dx, packed)
     down = frames.C_en(problem.llh)[:, 2]
-    turn = float(down @ plus[0, :3])
+    turn = float(down @ dx[0, :3])
     P = unpack_symmetric(packed, n)[0, :3, :3]
     variance = max(float(down @ P @ down), 0.0)
     return float(wrap_angle(last.rpy[2] + turn)), float(np.sqrt(variance))

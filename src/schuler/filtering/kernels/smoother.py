@@ -194,7 +194,7 @@ def clone_back(phi, places, i_clock, lam, Y, J, v, t, n, wide):
 
 
 @over_states
-def smooth(nodes, record, minus, plus, rec_P):
+def smooth(nodes, record, minus, plus, rec_x, rec_P):
     """Run backwards over all nodes.
 
     Parameters
@@ -202,15 +202,17 @@ def smooth(nodes, record, minus, plus, rec_P):
     nodes : SmootherNodes
         As kept by the filter; updates of node i are ``upd[i - 1] .. upd[i]``.
     record : int64[k]
-        Row of ``rec_P`` for a node's smoothed covariance, or -1.
-    minus, plus : float64[k, n]
-        Output: what to add to the filter's state before and after the updates of each node (attitude: a rotation
-        vector in Earth-fixed axes applied on the left).
+        Row of ``rec_x`` and ``rec_P`` for a node, or -1.
+    minus, plus : float64[k, 9]
+        Output: what to add to attitude (a rotation vector in Earth-fixed axes applied on the left), velocity and
+        position before and after the updates of each node.
+    rec_x : float64[r, n]
+        Output: what to add to all states, after the updates.
     rec_P : float64[r, n (n + 1) / 2]
         Output: smoothed covariances.
     """
     n_nodes, n_sensor, i_clock, pmod = nodes.t.shape[0], nodes.n_sensor, nodes.i_clock, nodes.pmod
-    n = minus.shape[1]
+    n = nodes.W.shape[2]
     m = n - 9
     wide = padded(n)
     lam, c, inj = np.zeros(n), np.zeros(n), np.zeros(n)
@@ -238,10 +240,12 @@ def smooth(nodes, record, minus, plus, rec_P):
             root_update(Y, Z, W, G, E, R, v, t, n, wide)
         packed = nodes.P[node]
         symv(packed, lam, c, n)
-        for i in range(n):
+        for i in range(9):
             minus[node, i] = c[i]
             plus[node, i] = c[i] + inj[i]
         if record[node] >= 0:
+            for i in range(n):
+                rec_x[record[node], i] = c[i] + inj[i]
             unpack(packed, P, n)
             for i in range(n):
                 row, y = X[i], Y[i]
@@ -358,7 +362,7 @@ def prepare_smoother() -> None:
     nodes = nb.types.NamedTuple((f, m, m, c, i, c, c, m, m, nb.int64, nb.int64, i, nb.float64), SmootherNodes)
     prepare(
         [
-            (smooth, (nodes, i, m, m, m)),
+            (smooth, (nodes, i, m, m, m, m)),
             (apply_corrections, (f, m, m, m, f, m, m)),
         ]
     )

@@ -17,6 +17,7 @@ from schuler.filtering.engine import FilterOptions
 from schuler.filtering.measurements import RESET_VELOCITY, VELOCITY, MeasurementSchedule
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.gnss_faults import blunders, contradictions, frozen, held, no_overlap
+from schuler.navigation.inputs.spikes import without_spikes
 from schuler.navigation.start.calibration import CalibrationStart, configured_start
 from schuler.recording.series import GnssSeries, ImuSeries
 
@@ -77,7 +78,7 @@ def prepared_imu(
                 f"{section.max_gap_s} s; navigate the parts separately, or raise max_gap_s if the motion was slow"
             )
         notes.append(f"{len(gaps)} pauses of the IMU log bridged, the longest {longest[1]:.3f} s at {longest[0]:.3f} s")
-    imu = refilled(imu, notes)
+    imu = without_spikes(refilled(imu, notes), notes)
     return imu if calibrated is None else calibrated.corrected(imu)
 
 

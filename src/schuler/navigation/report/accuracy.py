@@ -9,7 +9,7 @@ from schuler.arrays import FloatArray
 from schuler.navigation.evaluation.consistency import Separation, chi_square_band
 from schuler.navigation.report.subject import Subject, inside_shares
 from schuler.navigation.report.track import outages
-from schuler.plotting.figure import TIME, Band, Figure, Item, Panel, band, level, line, view
+from schuler.plotting.figure import TIME, Band, Figure, Item, Line, Panel, band, level, line, view
 from schuler.units import DEG
 
 AXES = ("north", "east", "down")
@@ -28,7 +28,8 @@ def horizontal(subject: Subject) -> Figure | None:
         return None
     curves = [line(subject.seconds(e.t), e.horizontal, role, role) for role, e in subject.errors.items()]
     all_errors = np.concatenate([e.horizontal for e in subject.errors.values()])
-    largest, usual = float(all_errors.max()), float(np.median(all_errors))
+    largest, usual = float(all_errors.max()), float(np.median(all_errors, overwrite_input=True))
+    del all_errors
     # centimetres with GNSS and tens of metres without it are both seen on a logarithmic axis only
     log = usual > 0.0 and largest > _LOG_FROM * usual
     limits = (0.2 * usual, 1.5 * largest) if log else (0.0, 1.06 * largest or 1.0)
@@ -64,39 +65,39 @@ def errors(subject: Subject, block: str) -> Figure | None:
         None where the reference does not have the quantity.
     """
     name, title, label, factor = _QUANTITIES[block]
-    values = {role: _of_block(e, block) for role, e in subject.errors.items()}
-    if not values or any(v is None for v in values.values()):
-        return None
     t_sigma = subject.seconds(subject.result.t)
     sigma = subject.position_sigma(subject.result) if block == "dr" else subject.sigma(subject.result, block)
-    within = (
-        subject.inside_three_sigma
-        if block == "dr"
-        else {
-            role: inside_shares(subject.errors[role].t, value, result.t, subject.sigma(result, block))
-            for role, result in subject.solutions
-            if (value := values[role]) is not None
-        }
-    )
+    curves: list[list[Line]] = [[] for _ in AXES]
+    shares: list[list[str]] = [[] for _ in AXES]
+    for role, result in subject.solutions if subject.errors else ():  # one after the other: each is long
+        e = subject.errors[role]
+        value = _of_block(e, block)
+        if value is None:
+            return None
+        within = (
+            subject.inside_three_sigma[role]
+            if block == "dr"
+            else inside_shares(e.t, value, result.t, subject.sigma(result, block))
+        )
+        for i in range(len(AXES)):
+            curves[i].append(line(subject.seconds(e.t), factor * value[:, i], role, role))
+            shares[i].append(f"{role} {_percent(float(within[i]))}")
+    if not curves[0]:
+        return None
     panels = []
     for i, axis in enumerate(AXES):
-        items: list[Item] = [*outages(subject)]
         three = 3.0 * factor * sigma[:, i]
-        items.append(band(t_sigma, -three, three, "sigma", f"{subject.solutions[0][0]} ±3 sigma"))
-        items.append(level(subject.span, 0.0, "level"))
-        shares, curves = [], []
-        for role in subject.errors:
-            value = values[role]
-            assert value is not None
-            e = subject.errors[role]
-            curves.append(line(subject.seconds(e.t), factor * value[:, i], role, role))
-            shares.append((role, float(within[role][i])))
-        items += curves
+        items: list[Item] = [
+            *outages(subject),
+            band(t_sigma, -three, three, "sigma", f"{subject.solutions[0][0]} ±3 sigma"),
+            level(subject.span, 0.0, "level"),
+            *curves[i],
+        ]
         panels.append(
             Panel(
                 TIME, label.format(axis), tuple(items), x_limits=subject.span,
-                title="inside ±3 sigma: " + ", ".join(f"{role} {_percent(s)}" for role, s in shares),
-                y_limits=view([c.y for c in curves], [three, -three]),
+                title="inside ±3 sigma: " + ", ".join(shares[i]),
+                y_limits=view([c.y for c in curves[i]], [three, -three]),
             )
         )  # fmt: skip
     rest = "; the errors of the reference come on top." if subject.at_antenna else "."

@@ -38,6 +38,7 @@ def navigation_report(
     points: PointSolution | None = None,
     background: Backdrop | Path | str | None = None,
     imu: ImuSeries | None = None,
+    still: list[tuple[float, float]] | None = None,
 ) -> Path:
     """Write the report of a navigation solution.
 
@@ -71,6 +72,9 @@ def navigation_report(
         Map behind the track, see :func:`schuler.navigation.report.backdrop.read_backdrop`.
     imu : ImuSeries, optional
         The IMU's log, to show it sample by sample, its rests and its spectrogram.
+    still : list of (start, stop), optional
+        Stretches in which it is still, where they are known already:
+        :func:`schuler.navigation.report.subject.still_stretches`. [s]
 
     Returns
     -------
@@ -84,7 +88,18 @@ def navigation_report(
     """
     script = _plotly()
     subject = Subject(
-        result, smoothed, reference, at_antenna, truth_parameters, origin, gnss, ranges, points, background, imu
+        result,
+        smoothed,
+        reference,
+        at_antenna,
+        truth_parameters,
+        origin,
+        gnss,
+        ranges,
+        points,
+        background,
+        imu,
+        still,
     )
     text = _page(
         subject, script, title or str(result.provenance.get("recording", "Navigation solution")), recording_summary

@@ -35,6 +35,7 @@ from schuler.recording.trajectory import Trajectory
 WITHHELD = -1
 _AT_REST = 0.3  # speed of a solution at rest, its own error included [m/s]
 _NEAR_FIX = 2.0  # time to a fix whose type is still that of the track [s]
+_BLOCK = 1 << 17  # errors that are compared at a time
 _SHORT_STEP = 0.1  # output steps up to this let fixes be recovered from innovations to a centimetre or two [s]
 
 
@@ -66,6 +67,8 @@ class Subject:
         Map behind the track, see :func:`schuler.navigation.report.backdrop.read_backdrop`.
     imu : ImuSeries, optional
         The IMU's log, to show it sample by sample, its rests and its spectrogram.
+    still : list of (start, stop), optional
+        Stretches in which it is still, :func:`still_stretches`, where they are known already. [s]
     """
 
     result: NavigationResult
@@ -79,6 +82,7 @@ class Subject:
     points: PointSolution | None = None
     background: Backdrop | Path | str | None = None
     imu: ImuSeries | None = None
+    still: list[tuple[float, float]] | None = None
 
     def __post_init__(self) -> None:
         r = self.result
@@ -102,22 +106,19 @@ class Subject:
     @cached_property
     def rests(self) -> list[tuple[float, float]]:
         """Start and stop of the stretches in which the IMU is still and the solution does not move. [s]"""
-        from schuler.standstill.stationarity import static_intervals
-
         if self.imu is None:
             return []
-        try:
-            still = static_intervals(self.imu)
-        except InputError:  # too short, too coarse: a log may be without
+        still = still_stretches(self.imu) if self.still is None else self.still
+        if not still:
             return []
         T = self.result.trajectory
-        speed = np.linalg.norm(T.v_eb_n, axis=1)
+        speed = T.mapped(lambda part: np.asarray(np.linalg.norm(part.v_eb_n, axis=1)))
 
         def stands(a: float, b: float) -> bool:  # an even drive is as still; before the solution there is no telling
             inside = speed[np.searchsorted(T.t, a) : np.searchsorted(T.t, b, side="right")]
             return not len(inside) or float(np.median(inside)) < _AT_REST
 
-        return [(float(a), float(b)) for a, b in zip(still.start, still.stop, strict=True) if stands(a, b)]
+        return [(a, b) for a, b in still if stands(a, b)]
 
     def fix_type(self, t: FloatArray) -> NDArray[np.str_] | None:
         """Type of the fix nearest to each time, none beyond two seconds; None where the receiver stated none."""
@@ -309,6 +310,17 @@ class Subject:
         return offered.t, r, offered.status
 
 
+def still_stretches(imu: ImuSeries) -> list[tuple[float, float]]:
+    """Start and stop of the stretches in which an IMU is still, even if it is driven evenly. [s]"""
+    from schuler.standstill.stationarity import static_intervals
+
+    try:
+        still = static_intervals(imu)
+    except InputError:  # too short, too coarse: a log may be without
+        return []
+    return [(float(a), float(b)) for a, b in zip(still.start, still.stop, strict=True)]
+
+
 def inside_shares(t: FloatArray, error: FloatArray, t_sigma: FloatArray, sigma: FloatArray) -> FloatArray:
     """Shares of the errors of each component that lie within three sigmas.
 
@@ -333,14 +345,14 @@ def inside_shares(t: FloatArray, error: FloatArray, t_sigma: FloatArray, sigma: 
     """
     if not len(t_sigma):
         return np.full(error.shape[1], np.nan)
-    spanned = (t >= t_sigma[0] - 1e-9) & (t <= t_sigma[-1] + 1e-9)
-    t, error = t[spanned], error[spanned]
-    right = np.clip(np.searchsorted(t_sigma, t - 1e-9), 0, len(t_sigma) - 1)
-    left = np.clip(np.searchsorted(t_sigma, t + 1e-9, side="right") - 1, 0, len(t_sigma) - 1)
-    share = np.full(error.shape[1], np.nan)
-    for i, (e, s) in enumerate(zip(error.T, sigma.T, strict=True)):
-        bound = 3.0 * np.maximum(s[left], s[right])
-        compared = np.count_nonzero(np.isfinite(e) & np.isfinite(bound))
-        if compared:
-            share[i] = np.count_nonzero(np.abs(e) <= bound) / compared
-    return share
+    compared, within = np.zeros((2, error.shape[1]), dtype=np.int64)
+    for start in range(0, len(t), _BLOCK):
+        part = t[start : start + _BLOCK]
+        spanned = (part >= t_sigma[0] - 1e-9) & (part <= t_sigma[-1] + 1e-9)
+        part, e = part[spanned], error[start : start + _BLOCK][spanned]
+        right = np.clip(np.searchsorted(t_sigma, part - 1e-9), 0, len(t_sigma) - 1)
+        left = np.clip(np.searchsorted(t_sigma, part + 1e-9, side="right") - 1, 0, len(t_sigma) - 1)
+        bound = 3.0 * np.maximum(sigma[left], sigma[right])
+        compared += np.count_nonzero(np.isfinite(e) & np.isfinite(bound), axis=0)
+        within += np.count_nonzero(np.abs(e) <= bound, axis=0)
+    return np.where(compared > 0, within / np.maximum(compared, 1), np.nan)

@@ -45,7 +45,7 @@ def track(subject: Subject) -> Figure:
     )
 
     def plan(trajectory: Trajectory) -> FloatArray:
-        return frames.ned_from_ecef(_at_reference_point(subject, trajectory).r_eb_e, origin)
+        return trajectory.mapped(lambda part: frames.ned_from_ecef(_at_reference_point(subject, part).r_eb_e, origin))
 
     items: list[Item] = []
     lost = in_windows(t, subject.result.outages)
@@ -56,9 +56,9 @@ def track(subject: Subject) -> Figure:
     items += _fixes(subject, origin)
     if subject.reference is not None and not subject.reference_is_fixes:
         R = subject.reference
-        inside = (R.t >= t[0]) & (R.t <= t[-1])
-        r = frames.ned_from_ecef(R.r_eb_e[inside], origin)
+        r = _within(R, t).mapped(lambda part: frames.ned_from_ecef(part.r_eb_e, origin))
         items.append(path(r[:, 1], r[:, 0], "reference", "reference"))
+        del r
     for role, result in subject.solutions:
         sigma = np.linalg.norm(subject.position_sigma(result)[:, :2], axis=1)
         along: list[tuple[str, Callable[[IntArray], Along]]] = [
@@ -144,12 +144,12 @@ def profile(subject: Subject) -> Figure | None:
                 k = k[:: max(1, -(-len(k) // _FIXES_SHOWN))]
                 items.append(Markers(np.interp(t[k], T.t, way), h[k], role, label))
     if subject.reference is not None and not subject.reference_is_fixes:
-        R = subject.reference
-        inside = (R.t >= T.t[0]) & (R.t <= T.t[-1])
-        heights.append(R.llh[inside, 2])
-        items.append(path(np.interp(R.t[inside], T.t, way), heights[-1], "reference", "reference"))
+        R = _within(subject.reference, T.t)
+        height = _quantity(R, 0)
+        heights.append(np.array([height.min(), height.max()]))
+        items.append(path(np.interp(R.t, T.t, way), height, "reference", "reference"))
     for role, result in subject.solutions:
-        height = _at_reference_point(subject, result.trajectory).llh[:, 2].copy()  # alone, without latitudes
+        height = result.trajectory.mapped(lambda part: _at_reference_point(subject, part).llh[:, 2].copy())
         heights.append(np.array([height.min(), height.max()]))
         items.append(path(np.interp(result.trajectory.t, T.t, way), height, role, role))
     panel = Panel(
@@ -165,8 +165,13 @@ def profile(subject: Subject) -> Figure | None:
 
 def _distance(T: Trajectory) -> FloatArray:
     """Horizontal distance travelled since the first sample. Shape (n,). [m]"""
-    ne = frames.ned_from_ecef(T.r_eb_e, frames.llh_from_ecef(T.r_eb_e[0]))[:, :2]
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ne, axis=0), axis=1))])
+    origin = frames.llh_from_ecef(T.samples(slice(1)).r_eb_e[0])
+    ne = T.mapped(lambda part: frames.ned_from_ecef(part.r_eb_e, origin)[:, :2])
+    way = np.zeros(len(ne))
+    for rows in T.blocks():
+        way[rows.start + 1 : rows.stop + 1] = np.linalg.norm(np.diff(ne[rows.start : rows.stop + 1], axis=0), axis=1)
+    np.cumsum(way, out=way)
+    return way
 
 
 def motion(subject: Subject) -> Figure:
@@ -205,13 +210,18 @@ def motion(subject: Subject) -> Figure:
     return Figure("motion", "Motion", caption, panels)
 
 
+def _within(T: Trajectory, t: FloatArray) -> Trajectory:
+    """The samples of a trajectory from the first to the last of other times."""
+    return T.samples(slice(int(np.searchsorted(T.t, t[0])), int(np.searchsorted(T.t, t[-1], side="right"))))
+
+
 def _quantity(T: Trajectory, i: int) -> FloatArray:
     """Height [m], speed [m/s], roll, pitch or heading within 360 [deg]. Shape (n,)."""
     if i == 0:
-        return T.llh[:, 2].copy()  # alone, without the other two columns
+        return T.mapped(lambda part: part.llh[:, 2].copy())  # alone, without the other two columns
     if i == 1:
-        return np.asarray(np.linalg.norm(T.v_eb_n, axis=1))
-    angle: FloatArray = T.rpy_nb[:, i - 2] / units.DEG
+        return T.mapped(lambda part: np.asarray(np.linalg.norm(part.v_eb_n, axis=1)))
+    angle = T.mapped(lambda part: part.rpy_nb[:, i - 2] / units.DEG)
     return np.mod(angle, 360.0) if i == 4 else angle
 
 

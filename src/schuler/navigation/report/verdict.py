@@ -162,21 +162,23 @@ def _rms_with_gnss(e: TrajectoryErrors, subject: Subject) -> float | None:
     return float(np.sqrt(np.mean(e.horizontal[with_gnss] ** 2))) if with_gnss.any() else None
 
 
+def _sizes(errors: TrajectoryErrors) -> tuple[str, ...]:
+    statistics = errors.statistics()
+    return tuple(number(statistics[k], "m") for k in ("rms_horizontal_m", "max_horizontal_m", "rms_vertical_m"))
+
+
 def _accuracy_sentence(subject: Subject) -> str:
     role, result = subject.solutions[0]
     cut = "" if result.complete else "The run was interrupted; up to there, "
     if subject.errors:
-        e = subject.errors[role]
+        rms, worst, vertical = _sizes(subject.errors[role])
         text = (
-            f"against {subject.reference_name} the {role} position is wrong by {number(e.rms_horizontal, 'm')} "
-            f"horizontally (RMS, at worst {number(e.max_horizontal, 'm')}) and {number(e.rms_vertical, 'm')} vertically"
+            f"against {subject.reference_name} the {role} position is wrong by {rms} horizontally (RMS, at worst "
+            f"{worst}) and {vertical} vertically"
         )
         if len(subject.errors) > 1:
-            s = subject.errors["smoothed"]
-            text += (
-                f"; smoothed, by {number(s.rms_horizontal, 'm')} (at worst {number(s.max_horizontal, 'm')}) and "
-                f"{number(s.rms_vertical, 'm')}"
-            )
+            rms, worst, vertical = _sizes(subject.errors["smoothed"])
+            text += f"; smoothed, by {rms} (at worst {worst}) and {vertical}"
     elif len(result.t):
         claimed = _level(subject.sigma(result, "dr"))
         text = (

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from schuler import files
+from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError, MissingExtraError, SchulerError
 from schuler.files import hashed, package_version
 from schuler.recording.io import columns, own, own_satellites
@@ -22,6 +23,7 @@ from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.own import Columns
 from schuler.recording.io.variables import recording_of_arrays
 from schuler.recording.recording import Recording
+from schuler.recording.series import ImuSeries
 
 _Columns = Mapping[str, np.ndarray[Any, np.dtype[Any]]]
 
@@ -118,7 +120,16 @@ def _parts(path: Path, file: Any, document: Mapping[str, Any]) -> dict[str, Any]
             raise FileFormatError(f"{name}: {error}", path) from error
         del flat
         _pyarrow("reading Parquet")[0].default_memory_pool().release_unused()
+    if made.get("imu") is not None and made.get("reference") is not None:
+        made["imu"] = _sharing_stamps(made["imu"], made["reference"].t)
     return made | own.satellite_parts(satellites, document, path)
+
+
+def _sharing_stamps(imu: ImuSeries, t: FloatArray) -> ImuSeries:
+    """The series with its stamps out of those of the truth, if they are among them: of a day at 200 Hz 140 MB."""
+    first = int(np.searchsorted(t, imu.t[0]))
+    same = t[first : first + len(imu)]
+    return replace(imu, t=same) if np.array_equal(same, imu.t) else imu
 
 
 def _row_group(path: Path, file: Any, group: int, name: str) -> Columns:

@@ -19,6 +19,7 @@ NORM_TOLERANCE = 0.05  # far above the 0.5 % by which gravity varies and the 3 %
 NO_GRAVITY = 0.5  # a log whose median specific force is less is free fall or holds no gravity [m/s^2]
 JITTER = 0.2  # of the sample interval [-]
 _MANY = 20_000  # samples from which loading compiled code is worth its fraction of a second
+_BLOCK = 1 << 15  # rows that are looked at together
 _ROOM = 1 << 28  # what any packed log may unpack to [byte]
 _PACKED = 100  # times its size that it may, beyond; logs of sensors pack to a third, at best to a twentieth
 
@@ -70,12 +71,18 @@ def unit_quaternions(q: FloatArray, refused: Callable[[int, str], Exception], to
     Exception
         What ``refused`` makes of the first row of another norm.
     """
-    norm = np.linalg.norm(np.clip(q, -2.0, 2.0), axis=1)  # damaged numbers do not overflow
+    norm = np.empty(len(q))
+    for start in range(0, len(q), _BLOCK):
+        k = slice(start, start + _BLOCK)
+        norm[k] = np.linalg.norm(np.clip(q[k], -2.0, 2.0), axis=1)  # damaged numbers do not overflow
     bad = np.flatnonzero(~(np.abs(norm - 1.0) <= tolerance))
     if len(bad):
         raise refused(int(bad[0]), f"expected a unit quaternion, got norm {norm[bad[0]]:.4g}")
-    rounded = np.abs(norm - 1.0) > 1e-12
-    return np.where(rounded[:, None], q / norm[:, None], q)
+    rounded = np.flatnonzero(np.abs(norm - 1.0) > 1e-12)
+    if len(rounded):
+        q = q.copy()
+        q[rounded] /= norm[rounded, None]
+    return q
 
 
 def largest(values: FloatArray) -> float:

@@ -30,6 +30,8 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _DATE = re.compile(r"\d{1,4}[-/:]\d{1,2}[-/:]\d{1,4}")
 _HEAD_BYTES = 1 << 16
 _PACKED = (".gz", ".bz2", ".xz", ".lzma")
+#: Longest line that is split into fields: twenty thousand columns. [characters]
+LONGEST = 1 << 19
 #: Size of a file from which loading the compiled code is worth its half a second. [bytes]
 MANY = 4_000_000
 
@@ -64,7 +66,12 @@ class TextTable:
     decimal: str = "."
 
     def split(self, line: str) -> list[str]:
-        """Fields of one line without its comment; none of a blank line."""
+        """Fields of one line without its comment; none of a blank line. A FileFormatError if no log has such a line."""
+        if len(line) > LONGEST:
+            raise FileFormatError(
+                f"a line has {len(line)} characters, those of a table at most {LONGEST}: it is damaged or no table",
+                self.path,
+            )
         line = self.bare(line)
         line = line.strip(" \r\n") if self.delimiter == "\t" else line.strip()
         if not line:

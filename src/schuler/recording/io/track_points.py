@@ -55,6 +55,9 @@ class Point:
     differential: bool = False
 
 
+_DEEPEST = 100  # elements inside one another; folders in folders of KML are a dozen
+
+
 def elements(path: Path, ends: Iterable[str]) -> Iterator[tuple[str, ElementTree.Element]]:
     """Elements of some names as they close, by name without namespace; what they held is freed.
 
@@ -66,17 +69,26 @@ def elements(path: Path, ends: Iterable[str]) -> Iterator[tuple[str, ElementTree
     Raises
     ------
     FileFormatError
-        If it is no XML, or declares entities, which tracks have not.
+        If it is no XML, declares entities, which tracks have not, or has elements inside each other without an end.
     """
     if b"<!" in lines.check_file(path).replace(b"<!--", b"").replace(b"<![CDATA[", b""):
         raise FileFormatError("it declares a document type or entities, which no track needs; remove them", path)
-    wanted = set(ends)
+    wanted, depth = set(ends), 0
     try:
-        for _, element in ElementTree.iterparse(path):  # noqa: S314 - entities are refused above
+        for event, element in ElementTree.iterparse(path, ("start", "end")):  # noqa: S314 - entities are refused above
+            depth += 1 if event == "start" else -1
+            if depth > _DEEPEST:
+                raise FileFormatError(
+                    f"its elements stand more than {_DEEPEST} deep in each other: it is no track", path
+                )
+            if event == "start":
+                continue
             name = local_name(element)
             if name in wanted:
                 yield name, element
                 element.clear()
+    except FileFormatError:
+        raise
     except (ElementTree.ParseError, LookupError, ValueError) as error:  # the last two: a declared encoding of no name
         raise FileFormatError(f"it is not complete XML ({error}): it is damaged or was cut off", path) from error
 

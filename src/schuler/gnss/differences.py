@@ -351,8 +351,8 @@ def _receiver(
     asked = ranges.reason != _OTHER_SYSTEM
     if (asked & (ranges.reason == _NO_MESSAGE)).sum() == asked.sum():
         raise InputError(
-            f"{name}: no ephemeris for any of its satellites at {_date(o.epoch_gps_s + o.t[0])} GPS; "
-            f"{_listed_messages(ephemerides)}: take a navigation file of that day"
+            f"{name}: no ephemeris for any of its satellites at {date(o.epoch_gps_s + o.t[0])} GPS; "
+            f"{listed_messages(ephemerides)}: take a navigation file of that day"
         )
     points = solve_points(ranges, integrity=Integrity(neighbours=False), velocity=False)
     if not points.ok.any():
@@ -373,13 +373,15 @@ def _receiver(
     return _Receiver(stamp, t, r_e, code, carrier, cn0)
 
 
-def _date(gps_s: float) -> str:
+def date(gps_s: float) -> str:
+    """GPS time since 1980-01-06 as a date and a time of day, for sentences. [s]"""
     return f"{calendar(gps_s):%Y-%m-%d %H:%M:%S}"
 
 
-def _listed_messages(ephemerides: Ephemerides) -> str:
+def listed_messages(ephemerides: Ephemerides) -> str:
+    """Clause on the days of the messages, for sentences."""
     toe = np.concatenate((ephemerides.kepler.toe, ephemerides.glonass.toe))
-    return f"messages are of {_date(toe.min())} to {_date(toe.max())}" if len(toe) else "there are no messages at all"
+    return f"messages are of {date(toe.min())} to {date(toe.max())}" if len(toe) else "there are no messages at all"
 
 
 def _nearest(values: FloatArray, wanted: FloatArray) -> IntArray:
@@ -396,7 +398,7 @@ def _common_epochs(rover: FloatArray, base: FloatArray, epoch_gps_s: float) -> t
     apart = np.abs(base[nearest] - rover)
     together = apart <= _TOGETHER_S
     if not together.any():
-        spans = [f"{_date(x[0] + epoch_gps_s)} to {_date(x[-1] + epoch_gps_s)}" for x in (rover, base)]
+        spans = [f"{date(x[0] + epoch_gps_s)} to {date(x[-1] + epoch_gps_s)}" for x in (rover, base)]
         raise InputError(
             f"no common epochs: rover from {spans[0]}, base from {spans[1]} (GPS time); the nearest stamps are "
             f"{apart.min():.3f} s apart, expected {_TOGETHER_S:g} s at most; take a base log of that time"

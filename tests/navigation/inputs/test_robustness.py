@@ -139,6 +139,16 @@ def test_long_pauses_are_refused(drives, kind):
         navigate(replace(r, imu=without(r.imu, gone)), config())
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_thinned_log_is_refused_by_its_interval(drives, kind):
+    """A sample every three seconds is no log of an IMU, although it has no gaps."""
+    r = drives[kind]
+    kept = np.arange(0, len(r.imu), round(3.0 * r.imu.rate_hz))
+    thinned = without(r.imu, ~np.isin(np.arange(len(r.imu)), kept))
+    with pytest.raises(InputError, match=r"samples in \d+ s, one every 3 s: .* expected ten a second and more"):
+        navigate(replace(r, imu=thinned), config())
+
+
 def test_lost_increments_are_filled_exactly_where_motion_is_uniform():
     """Closed form: constant rates come back to rounding, also for two losses in a row of increments."""
     n, h = 400, 0.01

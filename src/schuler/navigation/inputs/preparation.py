@@ -69,6 +69,12 @@ def prepared_imu(
         imu = imu.shifted(section.clock_shift_s)
         notes.append(f"{section.clock_shift_s:+g} s added to the IMU's time stamps")
     notes += sentences
+    if len(imu) > 1 and imu.interval > section.max_gap_s:
+        raise InputError(
+            f"the IMU log has {len(imu)} samples in {imu.t[-1] - imu.t[0]:.0f} s, one every {imu.interval:.3g} s: "
+            "motion between them is not measured; expected ten a second and more. Take the log as it was recorded, not "
+            "thinned"
+        )
     gaps = imu.gaps(PAUSE)
     if len(gaps):
         longest = gaps[np.argmax(gaps[:, 1])]

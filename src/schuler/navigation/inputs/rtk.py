@@ -28,6 +28,7 @@ from schuler.gnss.antennas import Antenna, antenna_of
 from schuler.gnss.baseline_result import SAME_IONOSPHERE
 from schuler.gnss.carrier_scale import check_carriers
 from schuler.gnss.cycle_slips import without_slips
+from schuler.gnss.differences import date
 from schuler.gnss.integers import CarrierFix, HeldIntegers, Measured, fix_epoch
 from schuler.gnss.observations import Observations
 from schuler.gnss.point import solve_points
@@ -170,6 +171,13 @@ def _prepared_base(base: Observations, recording: Recording, config: NavigationC
         raise InputError(
             "gnss.tight.base: observations of a base need observations and ephemerides of the recording; it has "
             "prepared ranges only"
+        )
+    spans = [(o.epoch_gps_s + o.t[[0, -1]]).tolist() for o in (recording.observations, base) if len(o)]
+    if len(spans) == 2 and max(spans[0][0], spans[1][0]) > min(spans[0][1], spans[1][1]) + _SAME_EPOCH_S:
+        rover_span, base_span = (f"{date(first)} to {date(last)}" for first, last in spans)
+        raise InputError(
+            f"gnss.tight.base: no time in common: the rover's log is of {rover_span}, the base's of {base_span} (GPS "
+            "time); give a base log of that time"
         )
     tight = config.gnss.tight
     antennas = recording.ephemerides.antennas

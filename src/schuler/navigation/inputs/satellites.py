@@ -16,6 +16,7 @@ from schuler.gnss.antennas import Antenna
 from schuler.gnss.carrier import carrier_changes
 from schuler.gnss.carrier_scale import check_carriers
 from schuler.gnss.cycle_slips import without_slips
+from schuler.gnss.differences import date, listed_messages
 from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.observations import Observations
 from schuler.gnss.point import solve_points
@@ -90,9 +91,11 @@ def satellites(recording: Recording, config: NavigationConfig, notes: list[str])
         notes += ranges.notes
     ranges = within_log(ranges, recording, config.imu.clock_shift_s)
     if not ranges.used.any():
-        raise InputError(
-            f"no range is usable: check systems, masks, ephemerides and the times of both files ({_why_not(ranges)})"
-        )
+        why = _why_not(ranges)
+        if recording.observations is not None and recording.ephemerides is not None and "no ephemeris" in why:
+            begins = recording.observations.epoch_gps_s + float(recording.observations.t[0])
+            why += f"; the log begins at {date(begins)} GPS, {listed_messages(recording.ephemerides)}"
+        raise InputError(f"no range is usable: check systems, masks, ephemerides and the times of both files ({why})")
     ranges, solution = screened(ranges, config, notes)
     if not solution.ok.any():
         raise InputError(

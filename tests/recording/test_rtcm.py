@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import encode_rtcm as enc
+import mutations
 import numpy as np
 import pytest
 from receiver_pairs import HOME, pair
 
 import schuler
-from schuler.exceptions import FileFormatError, InputError
+from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.gnss.baseline import solve_baseline
 from schuler.gnss.message_fields import SEMICIRCLE
 from schuler.gnss.signals import satellite
@@ -152,6 +154,31 @@ def test_damaged_frames_are_left_out_and_counted(tmp_path, two):
             read(path, two.base)
         except FileFormatError as error:
             assert "expected RTCM 3 observations" in str(error)  # noqa: PT017 - most of these are read
+
+
+def wrong_contents(frames, seed):
+    """Frames of right lengths and checks, some of whose bytes are any."""
+    rng, made = np.random.default_rng(seed), []
+    for frame in frames:
+        body = bytearray(frame[:-3])
+        if rng.random() < 0.3:
+            for at in rng.integers(3, len(body), 4):
+                body[at] = rng.integers(256)
+        made.append(bytes(body) + crc24q(bytes(body)).to_bytes(3, "big"))
+    return b"".join(made)
+
+
+@pytest.mark.parametrize("count", [25, pytest.param(500, marks=pytest.mark.fuzz)])
+def test_damaged_streams_raise_only_errors_of_ours(tmp_path, two, count):
+    """Cut, inserted and changed bytes, and any contents behind right checks: read, or refused with an error of ours."""
+    frames, whole = stream(two.base)[:20], 0
+    for seed in range(count):
+        data = wrong_contents(frames, seed) if seed % 2 else mutations.damaged(b"".join(frames), seed)
+        with suppress(SchulerError):
+            log = read(saved(tmp_path, [data]), two.base)
+            whole += 1
+            assert log.observations is None or np.isfinite(log.observations.t).all()
+    assert whole > 0.5 * count
 
 
 def test_the_week_is_asked_for_or_said(tmp_path, two):

@@ -12,13 +12,14 @@ import numpy as np
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import ConfigError
 from schuler.files import package_version
-from schuler.filtering.engine import Progress
+from schuler.filtering.engine import Progress, unpack_symmetric
 from schuler.filtering.initial_state import InitialState
 from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.gnss_faults import rejections
+from schuler.navigation.inputs.imu_axes import axes_against_claim
 from schuler.navigation.inputs.imu_noise import noise_against_budget
 from schuler.navigation.inputs.preparation import (
     current_velocities,
@@ -126,6 +127,10 @@ def navigate(
         raise KeyboardInterrupt  # stopped before the first record
     notes, schedule = [*prepared.notes, *tuned], prepared.schedule
     notes += noisy
+    if prepared.calibrated is None:
+        notes += axes_against_claim(
+            prepared.spec, unpack_symmetric(forward.rec_P[-1:], prepared.layout.size)[0, :3, :3]
+        )
     if not forward.complete:
         ended = forward.t[-1] - recording.start
         notes.append(f"interrupted at {ended:.1f} s of the recording; the solution ends there")

@@ -14,6 +14,7 @@ from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.evidence import slow_nis
 from schuler.navigation.evaluation.verdict import Verdict
 from schuler.navigation.inputs.gnss_faults import rejections
+from schuler.navigation.inputs.imu_axes import AXES_UNCERTAIN
 from schuler.navigation.inputs.imu_noise import NOISIER, noise_against_budget
 from schuler.navigation.result import Innovations
 from schuler.navigation.run import navigate
@@ -274,3 +275,12 @@ def test_poor_fixes_are_not_taken_for_a_poor_prediction(recording):
     cov = np.tile(36.0 * np.eye(3), (len(g), 1, 1))
     poor = replace(recording, gnss=replace(g, llh=frames.llh_from_ecef(r), cov_r_n=cov))
     assert not any("adds nothing" in reason for reason in navigate(poor, config()).verdict.reasons)
+
+
+@pytest.mark.parametrize(("misalignment", "said"), [(0.02, True), (1e-4, False)])
+def test_axes_that_the_budget_hardly_knows_are_a_remark(recording, misalignment, said):
+    """A rotation of both triads shows in no measurement of this log, and 15 states know nothing of it."""
+    imu = {triad: {**terms, "misalignment_mrad": 1e3 * misalignment} for triad, terms in IMU.items()}
+    verdict = navigate(recording, config(imu=imu)).verdict
+    assert verdict.status == "ok"
+    assert any(remark.startswith(AXES_UNCERTAIN) for remark in verdict.remarks) == said

@@ -2,6 +2,7 @@
 
 import struct
 import time
+import tracemalloc
 import zlib
 
 import numpy as np
@@ -150,3 +151,33 @@ def test_lines_and_elements_without_an_end_are_refused_at_once(tmp_path, name, d
     with pytest.raises(FileFormatError, match=words):
         read(path)
     assert time.process_time() - began < 5.0
+
+
+def test_groups_inside_one_another_without_an_end_are_refused_at_once(tmp_path):
+    """Each is looked for from the root on: 3000 took more than a minute."""
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "deep.h5"
+    with h5py.File(path, "w") as file:
+        group = file
+        for _ in range(200):
+            group = group.create_group("g")
+        group["t"] = np.arange(10.0)
+    with pytest.raises(FileFormatError, match="more than 50 deep in each other"):
+        read(path)
+
+
+@pytest.mark.parametrize("claimed", [1 << 29, 400])
+def test_a_variable_of_matlab_is_unpacked_no_further_than_it_claims(tmp_path, claimed):
+    """What it claims is read before anything is unpacked for it; zeros beyond are left packed."""
+    packer = zlib.compressobj(1)
+    packed = packer.compress(struct.pack("<II", 14, claimed)) + packer.compress(bytes(1 << 26)) + packer.flush()
+    path = tmp_path / "log.mat"
+    header = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
+    path.write_bytes(header + struct.pack("<II", 15, len(packed)) + packed)
+    tracemalloc.start()
+    with pytest.raises(
+        FileFormatError, match="claim 536870912, more than" if claimed > 400 else "cannot be read as|there"
+    ):
+        read(path)
+    assert tracemalloc.get_traced_memory()[1] < 10 << 20
+    tracemalloc.stop()

@@ -56,7 +56,7 @@ def without_spikes(imu: ImuSeries, notes: list[str]) -> ImuSeries:
         f"{count} IMU readings are no motion ({first}): up to {IN_A_ROW} in a row between readings that agree with "
         "each other; replaced by the mean rate of these"
     )
-    return replace(imu, **mended)
+    return replace(imu, gyro=mended.get("gyro", imu.gyro), accel=mended.get("accel", imu.accel))
 
 
 def _spikes(values: FloatArray, dt: FloatArray, h: float, i: int) -> Iterator[tuple[IntArray, FloatArray]]:

@@ -126,14 +126,13 @@ def _next(data: memoryview, at: int, order: str, names: Collection[str] | None) 
         raise ValueError(f"claims {n} bytes, {len(data) - at - 8} are left")
     body, after = data[at + 8 : at + 8 + n], at + 8 + n
     if kind == _COMPRESSED:
-        limit = max(_ROOM, _PACKED * n)
-        body = memoryview(zlib.decompressobj().decompress(body, limit))
-        if len(body) >= limit:
-            raise ValueError(f"{n} packed bytes claim more than {limit}")
-        kind, n = struct.unpack_from(f"{order}II", body)
-        if n > len(body) - 8:
-            raise ValueError(f"claims {n} bytes, {len(body) - 8} are packed")
-        body = body[8 : 8 + n]
+        limit, unpacker = max(_ROOM, _PACKED * n), zlib.decompressobj()
+        kind, claimed = struct.unpack(f"{order}II", unpacker.decompress(body, 8))
+        if claimed >= limit - 8:
+            raise ValueError(f"{n} packed bytes claim {claimed}, more than {limit}")
+        body = memoryview(unpacker.decompress(unpacker.unconsumed_tail, claimed)) if claimed else body[:0]
+        if claimed > len(body):
+            raise ValueError(f"claims {claimed} bytes, {len(body)} are packed")
     name, value = _matrix(body, order, 0, names) if kind == _MATRIX else ("", None)
     return name, value, after
 

@@ -29,6 +29,7 @@ _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _PACKED = 200  # deflate packs zeros by 1032, no log by more than this
 _FEW = 1 << 26  # bytes that are no matter
 _MOST = 500  # arrays of a file of others that are looked at
+_DEEPEST = 50  # groups inside one another
 _Array = np.ndarray[Any, np.dtype[Any]]
 
 
@@ -198,6 +199,8 @@ def _arrays(h5py: Any, file: Any, path: Path, *, transposed: bool) -> dict[str, 
     items: dict[str, Any] = {}
 
     def visit(name: str, item: Any) -> bool | None:
+        if name.count("/") > _DEEPEST:  # each is looked for from the root on
+            raise FileFormatError(f"its groups stand more than {_DEEPEST} deep in each other: it is no log", path)
         if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu" and 1 <= len(item.shape) <= 2 and item.size:
             items[name.replace("/", ".")] = item
         return True if len(items) >= _MOST else None

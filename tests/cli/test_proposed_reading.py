@@ -147,9 +147,9 @@ def test_a_biased_gyroscope_is_told_from_gravity_by_what_turns_make_of_it(tmp_pa
     np.testing.assert_allclose(recording.imu.gyro, imu.gyro + 0.03, atol=1e-5)
 
 
-@pytest.mark.parametrize(("field", "told"), [(0.5, True), (1.0, False)])
+@pytest.mark.parametrize(("field", "distinct"), [(0.5, True), (1.0, False)])
 @pytest.mark.parametrize("order", [slice(None), [*range(3, 9), *range(3), *range(9, 14)]])
-def test_what_stands_beside_an_imu_is_passed_over(tmp_path, capsys, order, field, told):
+def test_what_stands_beside_an_imu_is_passed_over(tmp_path, capsys, order, field, distinct):
     """A magnetometer, whose norm is constant too, a quaternion, a column that never changes: under a strange header.
 
     In units of the field at the place a magnetometer's norm is that of gravity in g: nothing tells the two then.
@@ -162,7 +162,7 @@ def test_what_stands_beside_an_imu_is_passed_over(tmp_path, capsys, order, field
     rows = np.column_stack((imu.accel, imu.gyro, magnetic, q, np.full(len(imu), 7.0)))[:, order]
     path = tmp_path / "turned.txt"
     np.savetxt(path, np.column_stack((imu.t, rows)), fmt="%.5f", header="zeit " + " ".join("abcdefghijklmn"))
-    if not told:
+    if not distinct:
         assert "--columns" in refusal(capsys, "info", path)
         return
     recording = Reading().read(path)

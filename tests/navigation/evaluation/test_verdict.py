@@ -277,10 +277,10 @@ def test_poor_fixes_are_not_taken_for_a_poor_prediction(recording):
     assert not any("adds nothing" in reason for reason in navigate(poor, config()).verdict.reasons)
 
 
-@pytest.mark.parametrize(("misalignment", "said"), [(0.02, True), (1e-4, False)])
-def test_axes_that_the_budget_hardly_knows_are_a_remark(recording, misalignment, said):
+@pytest.mark.parametrize(("misalignment", "expected"), [(0.02, True), (1e-4, False)])
+def test_axes_that_the_budget_hardly_knows_are_a_remark(recording, misalignment, expected):
     """A rotation of both triads shows in no measurement of this log, and 15 states know nothing of it."""
     imu = {triad: {**terms, "misalignment_mrad": 1e3 * misalignment} for triad, terms in IMU.items()}
     verdict = navigate(recording, config(imu=imu)).verdict
     assert verdict.status == "ok"
-    assert any(remark.startswith(AXES_UNCERTAIN) for remark in verdict.remarks) == said
+    assert any(remark.startswith(AXES_UNCERTAIN) for remark in verdict.remarks) == expected

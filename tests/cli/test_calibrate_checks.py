@@ -103,6 +103,7 @@ def test_what_is_no_error_is_said_in_a_sentence(imu, write, capsys):
     code, out, err = calibrated(capsys, "freepose", write(replace(imu, accel=imu.accel * 1.08)))
     assert code == 0, err
     assert err.startswith("hand: warning accel_scale: the norm of specific force is ")
+    assert "-> --scale accel=0.9" in err
     assert json.loads(out)["status"] != "refused"
 
 

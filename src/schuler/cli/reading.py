@@ -182,6 +182,7 @@ class Checking:
     def passed(self, recording: Recording) -> Recording:
         """The recording with a note on what was checked; what is no reason to stop goes to stderr in sentences."""
         from schuler.diagnosis.admission import diagnosed
+        from schuler.diagnosis.result import as_options
 
         recording, diagnosis = diagnosed(recording, unchecked=self.unchecked)
         if diagnosis is not None:
@@ -189,7 +190,7 @@ class Checking:
                 if f.code == "axes" and recording.gnss is None:
                     continue  # on a bench any side is up
                 text = f"{recording.metadata.name}: {f.severity} {f.code}: {f.text}"
-                say(text + (f" -> {f.fix}" if f.fix else ""), f.severity)
+                say(as_options(text + (f" -> {f.fix}" if f.fix else "")), f.severity)
         return recording
 
 

@@ -137,7 +137,7 @@ def test_a_claimed_size_is_not_allocated(tmp_path, compress):
         inner = data[128:132] + struct.pack("<I", 2_000_000_000) + data[136:]
         packed = zlib.compress(inner)
         file.write_bytes(data[:128] + struct.pack("<II", 15, len(packed)) + packed)
-        with pytest.raises(FileFormatError, match="claims? 2000000000"):
+        with pytest.raises(FileFormatError, match=r"claims? 2000000000"):
             read(file, format="navego")
 
 

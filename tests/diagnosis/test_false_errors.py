@@ -6,6 +6,7 @@ import importlib
 import json
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import diagnosis_drives as drives
 import numpy as np
@@ -13,10 +14,10 @@ import pytest
 from places import ROOT
 
 from schuler.cli import main
-from schuler.diagnosis import diagnose_log
+from schuler.diagnosis import clock, diagnose_log
 from schuler.diagnosis.admission import checked
 from schuler.diagnosis.clock import likelihood_of_wrong_clock, wrong_clock_lead
-from schuler.diagnosis.lag import covered, explained, find_lag, log_likelihood
+from schuler.diagnosis.lag import Lag, covered, explained, find_lag, log_likelihood
 from schuler.diagnosis.motion import WindowMeans, motion_of, position_velocity
 from schuler.diagnosis.positions import check_positions
 from schuler.diagnosis.result import SURE, Diagnosis, Finding, as_options
@@ -48,6 +49,20 @@ def test_drives_of_every_kind_raise_no_error():
     table = campaign.campaign(2 * len(campaign.KINDS), 6, 0, half="even")
     assert table.kinds == {"drive": len(campaign.KINDS), "town": 3}
     assert not table.lines, table.text(0.0)
+
+
+@pytest.mark.parametrize(("sigma", "offset"), [(0.02, 0.25), (0.5, 0.65), (0.05, 0.45)])
+def test_poor_positions_do_not_hide_what_velocities_tell_of_the_clock(monkeypatch, sigma, offset):
+    """Law: offsets by velocities, 0.25 s, and by positions, 0.65 s, weigh by what they are worth; alike, evenly."""
+    by_velocity = Lag(0.25, sigma, np.full(3, 0.9), 1.0, 0.0, 1.0, np.zeros((0, 2)), np.ones(3), 50.0)
+    by_position = replace(by_velocity, offset=0.65, sigma={0.02: 0.5, 0.5: 0.02, 0.05: 0.05}[sigma])
+    monkeypatch.setattr(clock, "motion_of", lambda *_: SimpleNamespace(enough=True))
+    monkeypatch.setattr(clock, "find_lag", lambda *_, **__: by_position)
+    state = SimpleNamespace(view=SimpleNamespace(other=(), mirrored=False), gravity=9.8)
+    mean, spread, gap = clock._mean_offset(state, None, by_velocity, 0.0)
+    assert gap == pytest.approx(0.4)
+    assert abs(mean - offset) < 0.01  # least 1-sigma of either: 0.05 s
+    assert spread < (0.12 if sigma == 0.05 else 0.03)
 
 
 @pytest.mark.campaign

@@ -250,7 +250,7 @@ def likelihood_of_wrong_clock(lead: tuple[float, float, float]) -> float:
 def _mean_offset(
     state: DiagnosisState, means: WindowMeans, lag: Lag, ahead: float
 ) -> tuple[float, float, float | None]:
-    """Offset by velocities and by positions, their mean, its 1-sigma, and position minus velocity."""
+    """Offset by velocities and positions, weighted by what each is worth, its 1-sigma, and position minus velocity."""
     assert state.view is not None
     if state.view.other is None or state.view.mirrored:
         return lag.offset, lag.sigma, None
@@ -267,8 +267,10 @@ def _mean_offset(
     if ahead:
         by_position = replace(by_position, offset=at_ahead(means, other, lag.offset, ahead))
     gap = by_position.offset - lag.offset
-    sigma = float(np.sqrt(0.25 * (lag.sigma**2 + by_position.sigma**2) + (0.25 * gap) ** 2))
-    return 0.5 * (lag.offset + by_position.offset), sigma, gap
+    variance = np.array([lag.sigma, by_position.sigma]) ** 2 + _LEAST_OFFSET**2
+    share = float(variance[0] / variance.sum())  # of the positions
+    spread = np.hypot((1.0 - share) * lag.sigma, share * by_position.sigma)
+    return lag.offset + share * gap, float(np.hypot(spread, share * (1.0 - share) * gap)), gap
 
 
 def _offset_finding(

@@ -40,7 +40,7 @@ from schuler.navigation.states import imu_spec, state_layout, white_noise_psd
 from schuler.navigation.tuning.entries import tuned_configuration
 from schuler.navigation.tuning.lever import LEVER_ESTIMATED, has_lever, with_lever
 from schuler.navigation.tuning.start import unless_refuted
-from schuler.navigation.tuning.tuning import Tuning, contradicted, too_few, tune
+from schuler.navigation.tuning.tuning import Tuning, contradicted, slow_error_beside_stated, too_few, tune
 from schuler.recording.io.own import time_document
 from schuler.recording.recording import Recording
 from schuler.sensors.spec import ImuSpec
@@ -107,7 +107,7 @@ def navigate(
     asked, own_start = config.filter.tune, initial is None and config.alignment.method != "given"
     if asked is True or (asked == "auto" and contradicted(prepared)):
         if asked == "auto" and config.noise_is_stated:
-            tuned = [STATED_NOISE]
+            tuned = [STATED_NOISE, *slow_error_beside_stated(prepared)]
         else:
             config, prepared, tuned = _tuned(recording, config, prepared, initial, calibration, base)
             if initial is None and config.gnss.coupling == "loose" and not config.lever_is_stated:

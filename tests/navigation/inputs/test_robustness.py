@@ -349,6 +349,17 @@ def test_single_fixes_that_jump_off_and_back_are_blunders_and_nothing_else_is(si
         assert not blunders(aside(g, kept, metres)).any()
 
 
+@pytest.mark.parametrize("velocity", [True, False])
+@pytest.mark.parametrize("stated", [0.1, 0.01])
+def test_scatter_is_no_blunder_however_small_it_is_stated(stated, velocity):
+    """Law: nothing is marked among white fixes (statistical: 9 % were, by six of the stated sigmas)."""
+    g = circling(2000, 2.0, velocity)
+    g = replace(g, cov_r_n=stated**2 * g.cov_r_n)
+    assert blunders(g).sum() <= 1
+    single = np.arange(len(g)) % 11 == 7
+    np.testing.assert_array_equal(blunders(aside(g, single, 80.0))[2:-2], single[2:-2])
+
+
 def test_single_blunders_are_left_out_and_said(recording):
     n = len(recording.gnss)
     off = np.isin(np.arange(n), np.arange(5, n - 2, 10))  # the last two have no neighbours to be compared with

@@ -14,8 +14,9 @@ from schuler.navigation.config import NavigationConfig
 from schuler.navigation.run import navigate, prepared_run
 from schuler.navigation.tuning.likelihood import Residuals
 from schuler.navigation.tuning.noise import with_factors
+from schuler.navigation.tuning.search import proven
 from schuler.navigation.tuning.start import _expected_gain, unless_refuted, with_smoothed_start
-from schuler.navigation.tuning.tuning import _proven, too_few, tune
+from schuler.navigation.tuning.tuning import too_few, tune
 from schuler.simulation.scenario import prepare_mission, simulate_mission
 
 IMU = {"gyro": {"arw_deg_rthr": 2.0, "bias_deg_s": 0.5}, "accel": {"vrw_m_s_rthr": 1.0, "bias_mg": 10.0}}
@@ -168,7 +169,7 @@ def residuals(won):
 
 
 @pytest.mark.parametrize(
-    ("won", "proven"),
+    ("won", "is_proven"),
     [
         ([400.0, 90.0, 60.0, 80.0, 20.0], True),  # all win; the sum alone is only 1.8 standard errors
         ([400.0, 0.0, 0.0, 0.0, 0.0], False),  # one stretch
@@ -176,7 +177,7 @@ def residuals(won):
         ([3.0, 2.5, 3.0, 2.0, 3.0], True),
     ],
 )
-def test_what_is_won_in_one_stretch_proves_nothing(won, proven):
+def test_what_is_won_in_one_stretch_proves_nothing(won, is_proven):
     after = residuals(np.zeros(len(won)))
     before = replace(after, innovation=residuals(won).innovation * np.sqrt(1e3 * 0.999))
-    assert _proven(before, after) == proven
+    assert proven(before, after) == is_proven

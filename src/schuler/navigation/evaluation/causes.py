@@ -72,7 +72,7 @@ def causes(result: NavigationResult, findings: list[Finding]) -> list[str]:
                 f"GNSS states accuracies {scale:.2g} times too good: gnss.sigma_scale, or the floors",
             )
         )
-    if size.get(f"slow {POSITION}", 0.0) > 1.5 * slow_v and rejected < 0.1:
+    if "slow left" in size or (size.get(f"slow {POSITION}", 0.0) > 1.5 * slow_v and rejected < 0.1):
         explained.append(
             (0.6, "GNSS has slow errors that its accuracies leave out: gnss.correlated, or a larger sigma_scale")
         )

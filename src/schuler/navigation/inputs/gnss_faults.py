@@ -13,10 +13,13 @@ from schuler.timebase import WEEK_S
 
 #: Beginning of the note on noise that the filter had to enlarge.
 LARGER = "innovations show that the"
+#: Beginning of the note on a slow error of positions that a run does not have.
+SLOW_LEFT = "GNSS positions seem to have a slow error that their accuracies leave out"
 
 _MOVING = 1.0  # speed from which a direction means something [m/s]
 _PAIRS = 20  # fewer do not convict
 _ACCELERATION = 20.0  # of a vehicle whose velocity is not measured, at most [m/s^2]
+_MEDIAN_1D, _MEDIAN_2D = 0.6745, 1.1774  # of the size of normal errors of one and two components, in sigmas
 _ALONE = 1.5  # a single fix is off its neighbours' line twice as far as they seem off theirs, because of it
 
 
@@ -66,10 +69,10 @@ def blunders(gnss: GnssSeries) -> BoolArray:
     Notes
     -----
     A fix is compared with the line between the one before and the one after it, bent by the acceleration between their
-    velocities. Beyond six 1-sigma, what a vehicle may turn or accelerate in between (with velocities half their change
-    over the longer step and half a metre, without 20 m/s^2), it is off if its neighbours, compared in the same way,
-    seem off by clearly less and to the other side, as they do because of it. A step that stays, scatter, and two wrong
-    fixes in a row are not marked.
+    velocities. Beyond six 1-sigma, stated or by the median of all fixes so compared, whichever is larger, and what a
+    vehicle may turn or accelerate in between (with velocities half their change over the longer step and half a metre,
+    without 20 m/s^2), it is off if its neighbours, compared in the same way, seem off by clearly less and to the other
+    side, as they do because of it. A step that stays, scatter, and two wrong fixes in a row are not marked.
     """
     off = np.zeros(len(gnss), dtype=bool)
     if len(gnss) < 5:
@@ -85,9 +88,10 @@ def blunders(gnss: GnssSeries) -> BoolArray:
         change = np.nan_to_num(gnss.v_n[2:] - gnss.v_n[:-2])
         e += 0.5 * change * (before * after / (before + after))[:, None]
         slack = np.minimum(slack, 0.5 + 0.5 * np.maximum(before, after) * np.linalg.norm(change, axis=1))
-    for part in (slice(0, 2), slice(2, 3)):
+    for part, median in ((slice(0, 2), _MEDIAN_2D), (slice(2, 3), _MEDIAN_1D)):
         size = np.linalg.norm(e[:, part], axis=1)
-        far = size > 6.0 * np.sqrt(var[:, part].max(axis=1)) + slack
+        scatter = float(np.median(size)) / median  # accuracies may be stated far too small
+        far = size > 6.0 * np.maximum(np.sqrt(var[:, part].max(axis=1)), scatter) + slack
         for to in (-1, 1):
             beside, same = np.roll(size, to), np.sum(e[:, part] * np.roll(e[:, part], to, axis=0), axis=1)
             far &= (size > _ALONE * beside) & (same < 0.0)

@@ -18,6 +18,8 @@ _LARGEST = 9.0  # of |ln(factor)|
 _GAIN = 0.5  # log likelihood that a further step has to win
 _STRIDE = 2.5  # longest step of ln(factor)
 _STARTS = (0.0, 1.2, 2.4, 3.6, -1.2)  # ln(factor) of the IMU's white noise that the search may begin with
+LEAST_GAIN = 8.0  # of log likelihood for other noise or further states: chi-square of 16
+_SURE = 2.0  # standard errors by which held-back fixes have to be likelier
 _BLOCK_S = 30.0  # stretches of the log whose gradients are taken as independent: twice the longest horizon
 
 
@@ -181,3 +183,22 @@ def block_scatter(values: FloatArray, t: FloatArray) -> FloatArray:
     sums = sums - sums.mean(axis=1, keepdims=True)
     scatter: FloatArray = sums @ sums.T * count / (count - 1)
     return scatter
+
+
+def gain_of(before: Residuals, after: Residuals) -> tuple[float, float]:
+    """Log likelihood won, and its 1-sigma from the scatter over stretches of the log."""
+    won = before.scores() - after.scores()
+    return float(won.sum()), float(np.sqrt(block_scatter(won[None, :], before.t)[0, 0]))
+
+
+def proven(before: Residuals, after: Residuals) -> bool:
+    """Whether fixes are likelier by 8 and two standard errors: of the sum over all stretches of the log, or of votes.
+
+    A log likelihood won mostly in one stretch has a standard error as large as itself, though all stretches win: each
+    has a vote too, whole where it wins or loses 8.
+    """
+    won = block_sums((before.scores() - after.scores())[None, :], before.t)[0]
+    votes = np.clip(won / LEAST_GAIN, -1.0, 1.0)
+    n = len(won)
+    sure = any(x.sum() > _SURE * np.sqrt(n) * x.std(ddof=1) for x in (won, votes))
+    return bool(won.sum() > LEAST_GAIN and sure)

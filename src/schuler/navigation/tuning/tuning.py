@@ -11,6 +11,7 @@ import numpy as np
 from schuler.arrays import BoolArray, FloatArray
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import KINDS, POSITION, RANGE_RATE, VELOCITY, MeasurementSchedule
+from schuler.navigation.inputs.gnss_faults import SLOW_LEFT
 from schuler.navigation.inputs.imu_noise import NO_NOISE
 from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.tuning.likelihood import Residuals, epochs, halves, residuals_of, trials
@@ -23,17 +24,16 @@ from schuler.navigation.tuning.noise import (
     with_factors,
     with_wander,
 )
-from schuler.navigation.tuning.search import Fit, block_scatter, block_sums, fit
-from schuler.navigation.tuning.slow import CLEARLY, candidates, range_factor, with_slow_error
+from schuler.navigation.tuning.search import LEAST_GAIN, Fit, block_scatter, fit, gain_of, proven
+from schuler.navigation.tuning.slow import range_factor
+from schuler.navigation.tuning.slow_search import ASKED, SHOWS, likeliest_slow_error, slow_lead
 from schuler.navigation.tuning.start import with_smoothed_start
 
 _LONGEST = 900.0  # of the log that is used [s]
 _FEWEST = 20  # epochs of fixes in each half
 _OUTLIER = 25.0  # normalised innovation squared per component beyond which a fix is left out of the second search
-_SURE = 2.0  # standard errors by which held-back fixes have to be likelier
 _T95 = 1.96
 _CONSISTENT = (0.7, 1.4)  # mean normalised innovation squared of a run that is left as it is
-_LEAST_GAIN = 8.0  # of log likelihood for other noise or further states: chi-square of 16
 _CLEARLY_OFF = (0.5, 2.0)  # the same, beyond which stretches that differ are no excuse
 _STILL = 0.5  # GNSS speed of what may stand [m/s]
 _CERTAIN = 3.0  # standard errors beyond that
@@ -86,6 +86,8 @@ class Tuning:
         A slow error of positions that was recognised, as entries of ``gnss.correlated``.
     ranges_slow : float
         Factor on sigmas of pseudoranges for their slow errors, in that of ``pseudorange``.
+    slow_lead : float
+        Log likelihood by which a slow error of positions that is not taken leads the noise that is.
     """
 
     factors: dict[str, float]
@@ -100,6 +102,7 @@ class Tuning:
     models: dict[str, dict[str, float]] = field(default_factory=dict)
     slow: dict[str, float] = field(default_factory=dict)
     ranges_slow: float = 1.0
+    slow_lead: float = 0.0
 
     def sentences(self) -> list[str]:
         """Sentences for the notes of a run."""
@@ -113,13 +116,14 @@ class Tuning:
                 f"{NO_NOISE}: it would have to be {largest:.2g} times as large as stated, and stays as it is; the "
                 "heading at the start, axes, mounting or clock are wrong, or the IMU is another than the one named"
             ]
+        left = slow_error_left(self.slow_lead)
         if not self.better:
-            return [f"noise tuned from the log is no better than configured and is not used: {check}"]
+            return [f"noise tuned from the log is no better than configured and is not used: {check}", *left]
         chosen = "; ".join(
             f"{TERM_TEXT[name]} x {factor:.2g} ({self.intervals[name][0]:.2g} to {self.intervals[name][1]:.2g})"
             for name, factor in self.factors.items()
         )
-        notes = [f"noise tuned from {self.fixes} fixes of the log (filter.tune): {chosen}; {check}"]
+        notes = [f"noise tuned from {self.fixes} fixes of the log (filter.tune): {chosen}; {check}", *left]
         if self.slow:
             notes.append(
                 "GNSS positions have a slow error that their accuracies leave out: it is estimated (gnss.correlated), "
@@ -154,6 +158,24 @@ class Tuning:
         return asdict(self)
 
 
+def slow_error_left(lead: float) -> list[str]:
+    """A sentence if innovations are likelier by so much in log likelihood with a slow error that is not taken."""
+    if not lead > SHOWS:
+        return []
+    return [
+        f"{SLOW_LEFT}: innovations are likelier with one (log likelihood {lead:+.1f}), but not beyond doubt; "
+        "gnss.correlated estimates it, and claims grow"
+    ]
+
+
+def slow_error_beside_stated(prepared: PreparedRun) -> list[str]:
+    """The same sentence for a run whose noise stays as it is stated."""
+    if too_few(prepared):
+        return []
+    prepared = _first_part(prepared)
+    return slow_error_left(slow_lead(prepared, _fixes(prepared)))
+
+
 def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
     """Noise of IMU and GNSS from the innovations of a prepared run's fixes.
 
@@ -179,7 +201,8 @@ def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
     (:mod:`~schuler.navigation.tuning.likelihood`) and checked on the fixes between, which are predicted and not used.
     If these are likelier by 8, and by two standard errors or so that their mean normalised innovation squared is within
     0.7 to 1.4 now where it was not, all fixes refine the factors. The intervals hold the difference between both
-    choices. A slow error of positions is taken where fixes held back are likelier with it by three; sigmas of
+    choices. A slow error of positions is taken where fixes are likelier with it
+    (:func:`~schuler.navigation.tuning.slow_search.likeliest_slow_error`); sigmas of
     pseudoranges whose innovations stay with a satellite are enlarged first
     (:func:`~schuler.navigation.tuning.slow.range_factor`) and then left. All runs begin smoothed
     (:func:`~schuler.navigation.tuning.start.with_smoothed_start`).
@@ -208,14 +231,16 @@ def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
     held = residuals_of(trials(prepared, one, other))
     before, after = held(prepared), held(with_factors(prepared, half.factors))
     model, slow = prepared, False
-    if aligned and "position" in terms and "b_r" not in prepared.layout:
-        other_model = _with_slow_error(prepared, half, after, (one, other), terms, floors)
-        if other_model is not None:
-            model, half, after = other_model
+    lead = 0.0
+    if aligned and "position" in terms:
+        wide, half, lead = likeliest_slow_error(prepared, half, (one, other), terms, floors)
+        if wide is not None:
+            model, after = wide, held(with_factors(wide, half.factors))
             terms, slow = (*terms, SLOW), True
-    gain, gain_sigma = _gain(before, after)
-    proven = _proven(before, after) or (gain > _LEAST_GAIN and _contradict(before) and not _contradict(after))
-    better = proven and _largest_white(half.factors) <= _MOST
+    gain, gain_sigma = gain_of(before, after)
+    sure = slow or proven(before, after)
+    sure = sure or (gain > LEAST_GAIN and _contradict(before) and not _contradict(after))
+    better = sure and _largest_white(half.factors) <= _MOST
     final = half
     if better:
         everything = residuals_of(trials(model, fixes & ~outlying))
@@ -242,41 +267,8 @@ def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
         models=_bias_models(model, factors),
         slow=_slow_entries(tuned) if slow and better else {},
         ranges_slow=ranges_slow,
+        slow_lead=0.0 if slow else lead,
     )
-
-
-def _with_slow_error(
-    prepared: PreparedRun,
-    half: Fit,
-    plain: Residuals,
-    sets: tuple[BoolArray, BoolArray],
-    terms: tuple[str, ...],
-    floors: dict[str, float],
-) -> tuple[PreparedRun, Fit, Residuals] | None:
-    """The run with a slow error of its positions, its factors, and innovations of fixes held back.
-
-    None unless these are likelier by three standard errors than with the factors of the run without, both for one of
-    the slow errors tried and with all factors chosen anew. Tuned noise may have taken the slow error in already, so it
-    is also tried beside sigmas of GNSS as they were.
-    """
-    judged = residuals_of(trials(prepared, *sets, phases=1))
-    base = judged(with_factors(prepared, half.factors))
-    stated = {name: factor for name, factor in half.factors.items() if name in (*WHITE, "gyro_bias", "accel_bias")}
-    for factors in (half.factors, stated):
-        tuned = with_factors(prepared, factors)
-        tried = [(_gain(base, judged(with_slow_error(tuned, error))), error) for error in candidates(tuned)]
-        largest = max(tried, key=lambda pair: pair[0][0])
-        best = next(pair for pair in tried if pair[0][0] > largest[0][0] - CLEARLY)
-        if best[0][0] > max(_CERTAIN * best[0][1], _LEAST_GAIN):
-            break
-    else:
-        return None
-    wide = with_slow_error(prepared, best[1])
-    chosen = residuals_of(trials(prepared, sets[0], phases=1))
-    wider = fit(wide, chosen, (*terms, SLOW), start={**factors, SLOW: 1.0}, floors=floors, iterations=6)
-    after = residuals_of(trials(prepared, *sets))(with_factors(wide, wider.factors))
-    gain, sigma = _gain(plain, after)
-    return (wide, wider, after) if gain > max(_CERTAIN * sigma, _LEAST_GAIN) else None
 
 
 def _slow_entries(prepared: PreparedRun) -> dict[str, float]:
@@ -302,7 +294,8 @@ def contradicted(prepared: PreparedRun) -> bool:
     Fixes are thinned to 1, 4 and 15 s (:mod:`~schuler.navigation.tuning.likelihood`): noise that is right at the rate
     of the fixes may be wrong in an outage. Of each kind and spacing the mean normalised innovation squared, outliers
     capped, is outside 0.7 to 1.4 by three standard errors, which stretches of the log give (innovations are correlated
-    in time where the noise is wrong), or outside 0.5 to 2 by three of chi-square. A run with too few fixes to tune is
+    in time where the noise is wrong), or outside 0.5 to 2 by three of chi-square; or a slow error of positions is
+    likelier (:func:`~schuler.navigation.tuning.slow_search.slow_lead`). A run with too few fixes to tune is
     left, and one of pseudoranges without range rates: a slow error that stays on its satellite looks like small noise
     there (a parked VN-200, 33 s of code: sigmas were halved and the position was three of them off).
     """
@@ -332,7 +325,7 @@ def contradicted(prepared: PreparedRun) -> bool:
             error = float(np.hypot(np.sqrt(block_scatter(off[None, :], seen.t[mine])[0, 0]) / n, chance))
             if mean - _CERTAIN * error > _CONSISTENT[1] or mean + _CERTAIN * error < _CONSISTENT[0]:
                 return True
-    return False
+    return slow_lead(prepared, fixes, seen) > ASKED
 
 
 def too_few(prepared: PreparedRun) -> bool:
@@ -346,8 +339,8 @@ def _other_noise(prepared: PreparedRun, judge: Callable[[PreparedRun], Residuals
     Innovations of ranges are mostly noise of the ranges: their size does not tell the IMU's as that of fixes does.
     """
     for factor in (3.0, 1.0 / 3.0):
-        gain, sigma = _gain(seen, judge(with_factors(prepared, dict.fromkeys(WHITE, factor))))
-        if gain > max(_CERTAIN * sigma, _LEAST_GAIN):
+        gain, sigma = gain_of(seen, judge(with_factors(prepared, dict.fromkeys(WHITE, factor))))
+        if gain > max(_CERTAIN * sigma, LEAST_GAIN):
             return True
     return False
 
@@ -371,7 +364,7 @@ def likelier(prepared: PreparedRun, other: PreparedRun) -> bool:
     if not tests:
         return False
     judged = residuals_of(tests)
-    return _proven(judged(prepared), judged(other))
+    return proven(judged(prepared), judged(other))
 
 
 def _fixes(prepared: PreparedRun) -> BoolArray:
@@ -403,25 +396,6 @@ def _outliers(prepared: PreparedRun, fixes: BoolArray) -> BoolArray:
     for kind, t in times:
         out |= (schedule.kind == kind) & (schedule.t == t)
     return out & fixes if wrong.mean() <= 0.05 else np.zeros(len(schedule), dtype=bool)
-
-
-def _gain(before: Residuals, after: Residuals) -> tuple[float, float]:
-    """Log likelihood won, and its 1-sigma from the scatter over stretches of the log."""
-    won = before.scores() - after.scores()
-    return float(won.sum()), float(np.sqrt(block_scatter(won[None, :], before.t)[0, 0]))
-
-
-def _proven(before: Residuals, after: Residuals) -> bool:
-    """Whether fixes are likelier by 8 and two standard errors: of the sum over all stretches of the log, or of votes.
-
-    A log likelihood won mostly in one stretch has a standard error as large as itself, though all stretches win: each
-    has a vote too, whole where it wins or loses 8.
-    """
-    won = block_sums((before.scores() - after.scores())[None, :], before.t)[0]
-    votes = np.clip(won / _LEAST_GAIN, -1.0, 1.0)
-    n = len(won)
-    sure = any(x.sum() > _SURE * np.sqrt(n) * x.std(ddof=1) for x in (won, votes))
-    return bool(won.sum() > _LEAST_GAIN and sure)
 
 
 def _contradict(residuals: Residuals) -> bool:

@@ -185,9 +185,10 @@ def test_smoother_equals_dense_rauch_tung_striebel(drive):
     log = truth.log.between(0.0, 12.0)
     forward = run(log, schedule, ac.initial(truth, used), used, *ac.NOISE, FilterOptions(smoother=True))
     nodes, n = forward.nodes, used.size
-    minus, plus = np.zeros((2, len(nodes.t), n))
+    (minus, plus), corrections = np.zeros((2, len(nodes.t), 9)), np.zeros((len(nodes.t), n))
     packed = np.zeros((len(nodes.t), n * (n + 1) // 2))
-    k.smooth(nodes, np.arange(len(nodes.t)), minus, plus, packed)
+    k.smooth(nodes, np.arange(len(nodes.t)), minus, plus, corrections, packed)
+    np.testing.assert_array_equal(plus, corrections[:, :9])
     P = engine.unpack_symmetric(nodes.P, n)
     clones = np.flatnonzero(nodes.phi[:, 0] < 0.0)
     assert len(clones) == 11
@@ -205,7 +206,7 @@ def test_smoother_equals_dense_rauch_tung_striebel(drive):
             dx = gain @ dx
             S = Pf + gain @ (S - P[j + 1]) @ gain.T
         scale = np.sqrt(np.maximum(np.diag(Pf), 1e-12))
-        assert np.abs((plus[j] - dx) / scale).max() < 2e-3, j
+        assert np.abs((corrections[j] - dx) / scale).max() < 2e-3, j
         dx = dx - gained
         smooth = engine.unpack_symmetric(packed[j : j + 1], n)[0]
         assert np.abs((smooth - S) / np.outer(scale, scale)).max() < 2e-3, j

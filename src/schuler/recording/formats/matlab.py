@@ -133,6 +133,8 @@ def _next(data: memoryview, at: int, order: str, names: Collection[str] | None) 
         body = memoryview(unpacker.decompress(unpacker.unconsumed_tail, claimed)) if claimed else body[:0]
         if claimed > len(body):
             raise ValueError(f"claims {claimed} bytes, {len(body)} are packed")
+        if len(unpacker.decompress(unpacker.unconsumed_tail, 9)) > 8:  # but for padding
+            raise ValueError(f"claims {claimed} bytes, more are packed")
     name, value = _matrix(body, order, 0, names) if kind == _MATRIX else ("", None)
     return name, value, after
 

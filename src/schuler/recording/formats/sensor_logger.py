@@ -7,7 +7,6 @@ order (the app writes z, y, x); axes are the device's, x right, y to its top, z 
 
 from __future__ import annotations
 
-import os
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -86,8 +85,7 @@ def _read_zip(path: Path, hints: ReadHints) -> Recording:
         try:
             return _read_folder(Path(folder), hints, path)
         except FileFormatError as error:
-            text = str(error).replace(f"{folder}{os.sep}", f"{path}/").replace(folder, str(path))
-            raise FileFormatError(text) from error
+            raise FileFormatError(str(error).replace(folder, str(path))) from error
 
 
 def _read_folder(path: Path, hints: ReadHints, packed: Path | None = None) -> Recording:

@@ -275,6 +275,19 @@ def test_an_imu_at_rest_is_clean(rng):
     assert [f for fs in matching.values() for f in fs if f.severity != "note"] == []
 
 
+def test_checking_takes_the_memory_of_a_few_columns(rng):
+    """A day at 200 Hz: 140 MB a column, seven in the log. A copy of all axes took seven more, checks eleven."""
+    import tracemalloc
+
+    imu = ImuSeries(np.arange(100_000) / 200.0, *rng.standard_normal((2, 100_000, 3)))
+    check_static_imu(imu)
+    tracemalloc.start()
+    check_static_imu(imu)
+    peak = tracemalloc.get_traced_memory()[1] / imu.t.nbytes
+    tracemalloc.stop()
+    assert peak < 7.0
+
+
 def test_increments_are_judged_as_rates(rng):
     imu = still_imu(rng)
     pulses = np.round(imu.accel * 0.01 / 1e-4) * 1e-4

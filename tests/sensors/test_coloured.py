@@ -52,6 +52,52 @@ def test_one_series_has_the_allan_variance():
         assert got == pytest.approx(float(coloured.allan_variance(m / RATE)), rel=0.05)
 
 
+def covariance_between_lines(u, S, lags):
+    """Covariance at lags 0 .. ``lags`` samples, by parts over each line; ``u`` in cycles per sample, rate 1."""
+    k = np.arange(1, lags + 1)[:, None]
+    slope, turn = np.diff(S) / np.diff(u), 2.0 * np.pi * k
+    at = S * np.sin(turn * u) / turn
+    pieces = np.diff(at, axis=1) + slope * np.diff(np.cos(turn * u), axis=1) / turn**2
+    return np.concatenate(([2.0 * np.trapezoid(S, u)], 2.0 * pieces.sum(axis=1)))
+
+
+@pytest.mark.parametrize(
+    ("u", "S"),
+    [
+        ([0.0, 0.5], [1.0, 0.0]),
+        ([0.0, 0.003, 0.02, 0.2, 0.5], [5.0, 1.0, 2.0, 0.0, 1.0]),
+        ([0.0, *np.geomspace(1e-5, 0.5, 30)], [1e3, *1e-2 / np.geomspace(1e-5, 0.5, 30)]),
+    ],
+    ids=["one line", "few", "1/f"],
+)
+def test_allan_variance_is_that_of_the_covariance(u, S):
+    """Rounding, of the reference where steep lines of the last case cancel; averaging times in one call and alone."""
+    u, S = np.array(u), np.array(S)
+    m = np.array([1, 2, 3, 7, 32, 400, 1000])
+    r = covariance_between_lines(u, S, 2 * m[-1])
+    once, twice = np.cumsum([r[0], *(2.0 * r[1:])]), np.cumsum(2.0 * np.arange(len(r)) * r)
+    V = {k: k * once[k - 1] - twice[k - 1] for k in (*m.tolist(), *(2 * m).tolist())}
+    expected = [(4.0 * V[k] - V[2 * k]) / (2.0 * k**2) for k in m.tolist()]
+    coloured = Coloured(u * RATE, S / RATE, RATE)
+    got = coloured.allan_variance(m / RATE)
+    np.testing.assert_allclose(got, expected, rtol=1e-8)
+    np.testing.assert_allclose([coloured.allan_variance(k / RATE) for k in m], got, rtol=1e-13)
+    np.testing.assert_allclose(coloured.allan_variance(2.25 / RATE), 0.75 * got[1] + 0.25 * got[2], rtol=1e-12)
+
+
+def test_the_longest_averaging_time_of_a_day_needs_no_memory():
+    """White noise, rounding; 5 million samples of averaging took an array of 80 million numbers."""
+    import tracemalloc
+
+    white, m = Coloured(F, np.full(len(F), 0.09), RATE), np.array([1, 1000, 5_000_000])
+    tracemalloc.start()
+    got = white.allan_variance(m / RATE)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    np.testing.assert_allclose(got, 0.09 * RATE / m, rtol=1e-12)
+    assert peak < 10e6
+
+
 def test_it_adds_to_other_terms():
     model = White(0.1) + like(White(0.3))
     assert float(model.allan_variance(1.0)) == pytest.approx(0.1, rel=1e-3)

@@ -105,7 +105,8 @@ def check_static_log(
                 time[np.flatnonzero(~good)[-1]],
             )
         )
-    values, time = values[good], time[good]
+    if not good.all():
+        values, time = values[good], time[good]
     n = len(values)
     if n < FEWEST:
         text = f"{axis}: {n} samples are too few for any noise parameter; record at least {FEWEST}, better an hour"
@@ -119,6 +120,7 @@ def check_static_log(
         a = int(start[k])
         text = f"{axis}: from {time[a]:.2f} s on {length[k]} of {n} samples read {values[a]:.6g}; no noise to judge"
         return [*findings, finding_at("stuck", text, time[a], time[a + length[k] - 1], "refused")]
+    del start, length  # of a long log as large as it is
     step = resolution(values) if lsb is None else float(lsb)
     clipped = saturated(values, time, axis, full_scale, step)
     findings += clipped
@@ -137,7 +139,11 @@ def check_static_log(
     # a step must be seen across a disturbance, too: leave those blocks out, replace single bad samples
     clean = values[: len(moved) * b].reshape(-1, b).copy()
     np.copyto(clean, np.median(clean, axis=1, keepdims=True), where=odd)
-    findings += abrupt_shifts(clean[~moved].ravel(), time[: clean.size].reshape(-1, b)[~moved].ravel(), axis, step)
+    time = time[: clean.size].reshape(-1, b)
+    if moved.any():
+        clean, time = clean[~moved], time[~moved]
+    findings += abrupt_shifts(clean.ravel(), time.ravel(), axis, step)
+    del clean, time
     return findings + _allan_reach(values, rate_hz, axis)
 
 
@@ -164,16 +170,15 @@ def check_static_imu(
         rises or falls by more than 2 K (codes ``gap``, ``not_at_rest``, ``warm_up``).
     """
     scale = imu.interval if imu.kind == "increment" else 1.0  # the median: dividing by each would hide the resolution
-    signals = np.concatenate((imu.gyro, imu.accel), axis=1).T / scale
     rate_hz = imu.rate_hz
     findings = {}
-    for name, x in zip(AXES, signals, strict=True):
-        limit = full_scale[0 if name.startswith("gyro") else 1]
+    for k, name in enumerate(AXES):
+        x, limit = (imu.gyro if k < 3 else imu.accel)[:, k % 3] / scale, full_scale[k // 3]
         # gaps are told once for the recording; the stamps are there for the places of all else
         findings[name] = [f for f in check_static_log(x, rate_hz, name, imu.t, full_scale=limit) if f.code != "gap"]
     findings["recording"] = gaps(imu.t) + _warming(imu)
-    if signals[3:].any():  # a log without accelerometers holds zeros in their place
-        findings["recording"] += _attitude(signals[3:].T, imu.t - imu.t[0], gravity)
+    if imu.accel.any():  # a log without accelerometers holds zeros in their place
+        findings["recording"] += _attitude(imu.accel, scale, imu.t - imu.t[0], gravity)
     return findings
 
 
@@ -347,9 +352,16 @@ def _warming(imu: ImuSeries) -> list[Finding]:
     return [finding_at("warm_up", text, 0.0, settled)]
 
 
-def _attitude(f: FloatArray, time: FloatArray, gravity: float) -> list[Finding]:
+def _attitude(accel: FloatArray, scale: float, time: FloatArray, gravity: float) -> list[Finding]:
+    """Findings on the size and the direction of the mean of ``accel / scale``, shape (n, 3)."""
     findings = []
-    mean = f.mean(axis=0)
+    k = max(min(20, len(accel) // 10), 1)
+    n = len(accel) // k
+    mean, levels, spread = np.empty(3), np.empty((k, 3)), np.empty((k, 3))
+    for j in range(3):
+        f = accel[:, j] / scale
+        parts = f[: k * n].reshape(k, n)
+        mean[j], levels[:, j], spread[:, j] = f.mean(), parts.mean(axis=1), parts.std(axis=1)
     size = float(np.linalg.norm(mean))
     if abs(size - gravity) > 0.03 * gravity:
         text = (
@@ -357,16 +369,13 @@ def _attitude(f: FloatArray, time: FloatArray, gravity: float) -> list[Finding]:
             "wrong units or scale"
         )
         findings.append(Finding("not_at_rest", text))
-    k = min(20, len(f) // 10)
     if k >= 3 and size > 0.0:
-        parts = f[: len(f) // k * k].reshape(k, -1, 3)
-        levels = parts.mean(axis=1)
         # turning against the first tenth, beyond what the means themselves scatter
         across = levels - levels @ mean[:, None] / size**2 * mean
         angle = np.linalg.norm(across - across[0], axis=1) / size
         j = int(np.argmax(angle))
-        if angle[j] > 0.01 + 6.0 * float(parts.std(axis=1).mean()) / size / sqrt(parts.shape[1]):
-            a = time[min(j * parts.shape[1], len(time) - 1)]
+        if angle[j] > 0.01 + 6.0 * float(spread.mean()) / size / sqrt(n):
+            a = time[min(j * n, len(time) - 1)]
             text = (
                 f"the specific force has turned by {angle[j]:.3f} rad by {a:.0f} s: the unit was tilted or its biases "
                 "drift; level it on something solid"

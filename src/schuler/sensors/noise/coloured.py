@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from math import isfinite
 
 import numpy as np
@@ -14,6 +15,9 @@ from schuler.sensors.noise.process import Process
 from schuler.sensors.noise.state_space import SampledStateSpace, StateSpace
 
 _LONGEST = 2**18  # samples of the period of a short series
+_NODES = 16  # of the quadrature in a piece
+_STEP = 1.5  # ratio of the ends of a piece at most: 1/f^2 is a polynomial there, to 1e-16
+_TURN = 2.0 / np.pi  # half width of a piece times averaging time to which the nodes see all turns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,18 +96,14 @@ class Coloured(Process):
     def allan_variance(self, tau: ArrayLike) -> FloatArray:
         """Allan variance of the series at averaging times of one sample or more. [x^2]
 
-        With V(m) the variance of a sum of m samples, ``(4 V(m) - V(2 m)) / (2 m^2)``; linear between whole m.
+        The integral of the density times ``2 sin^4(pi f m dt) / (m sin(pi f dt))^2``; linear between whole m.
         """
         m = np.maximum(array(tau) * self.rate_hz, 1.0)
-        r = self._covariance(int(2.0 * m.max(initial=1.0)))
-        once = np.cumsum(np.concatenate(([r[0]], 2.0 * r[1:])))
-        twice = np.cumsum(2.0 * np.arange(len(r)) * r)
-
-        def V(m: FloatArray) -> FloatArray:
-            k = np.minimum(np.maximum(np.ceil(m - 1e-6).astype(np.int64) - 1, 0), len(r) - 1)
-            return np.asarray(m * once[k] - twice[k])
-
-        return np.asarray((4.0 * V(m) - V(2.0 * m)) / (2.0 * m**2))
+        below = np.floor(m + 1e-6)
+        part = np.where(m - below > 1e-6, m - below, 0.0)
+        whole, place = np.unique(np.stack((below, below + (part > 0.0))), return_inverse=True)
+        low, high = self._whole_samples(whole)[place.reshape(2, *m.shape)]
+        return np.asarray((1.0 - part) * low + part * high)
 
     def discrete_allan_variance(self, m: ArrayLike, dt: float) -> FloatArray:
         """The same at m samples. [x^2]"""
@@ -146,6 +146,35 @@ class Coloured(Process):
             "(White(N), ...), or fit an AutoRegressive process"
         )
 
+    def _whole_samples(self, numbers: FloatArray) -> FloatArray:
+        """Allan variance over whole numbers of samples, shape (k,), increasing. [x^2]
+
+        Gauss-Legendre quadrature between the frequencies, of pieces so narrow that the density over the square of the
+        sine is a polynomial to rounding; where the averaging time turns within a piece more than once, that of Filon
+        (Abramowitz and Stegun, 25.4.47, here in Legendre polynomials): ``sin^4 x = 3/8 - cos(2 x) / 2 + cos(4 x) / 8``.
+        """
+        edge = _edges(np.minimum(self.frequency / self.rate_hz, 0.5), 1.0 / numbers[-1])
+        half, middle = 0.5 * np.diff(edge), 0.5 * (edge[1:] + edge[:-1])
+        order = np.argsort(half)
+        half, middle = half[order], middle[order]
+        x, weight = np.polynomial.legendre.leggauss(_NODES)
+        u = middle[:, None] + half[:, None] * x
+        g = np.interp(u, self.frequency / self.rate_hz, self.density) / np.sin(np.pi * u) ** 2
+        degree = np.arange(_NODES)
+        # by the orthogonality of Legendre polynomials, integrals of their products taken at the nodes
+        c = (g * weight) @ np.polynomial.legendre.legvander(x, _NODES - 1) * (degree + 0.5)
+        c *= 2.0 * half[:, None] * np.array((1.0, 1.0, -1.0, -1.0))[degree % 4]  # the real part of i^n to turn
+        out = np.empty(len(numbers))
+        for i, m in enumerate(numbers):
+            wide = int(np.searchsorted(half, _TURN / m))
+            square = np.sin(np.pi * m * u[:wide]) ** 2
+            near = square * square * g[:wide] @ weight @ half[:wide]
+            far = 0.375 * c[wide:, 0].sum()
+            for share, turning in ((-0.5, 2.0 * np.pi * m), (0.125, 4.0 * np.pi * m)):
+                far += share * _turning(c[wide:], turning * half[wide:], turning * middle[wide:])
+            out[i] = 4.0 * self.rate_hz * (near + far) / m**2
+        return out
+
     def _covariance(self, lags: int) -> FloatArray:
         """Autocovariance up to where lines between the frequencies have let it decay, or to four times ``lags``."""
         narrow = float(np.diff(self.frequency).min())
@@ -160,3 +189,32 @@ class Coloured(Process):
                 f"dt: expected {1.0 / self.rate_hz:g} s, since this Coloured process was measured at "
                 f"{self.rate_hz:g} Hz, got {dt!r} s; identify a log of the rate wanted, or take its White(N) instead"
             )
+
+
+def _edges(u: FloatArray, lowest: float) -> FloatArray:
+    """Frequencies, and others between those that are far apart for their size, from ``lowest`` on. [cycles/sample]"""
+    first = u[1]
+    more = first * _STEP ** -np.arange(1, max(int(np.ceil(np.log(first / lowest) / np.log(_STEP))), 0) + 1)
+    pieces = [u, more]
+    for low, high in pairwise(u[1:]):
+        if high > _STEP * low:
+            pieces.append(np.geomspace(low, high, int(np.ceil(np.log(high / low) / np.log(_STEP))) + 1)[1:-1])
+    return np.unique(np.concatenate(pieces))
+
+
+def _turning(c: FloatArray, z: FloatArray, phase: FloatArray) -> float:
+    """Sum of integrals of Legendre series times ``cos(z x + phase)`` over -1 to 1, of z from 4 on.
+
+    ``c``, shape (k, n), are the coefficients times 2 and the sign that i^n gives; spherical Bessel functions of z are
+    the integrals of the polynomials times exp(i z x).
+    """
+    before, j = np.cos(z) / z, np.sin(z) / z
+    even = c[:, 0] * j
+    odd = np.zeros_like(j)
+    for n in range(1, c.shape[1]):
+        before, j = j, (2 * n - 1) / z * j - before
+        if n % 2:
+            odd += c[:, n] * j
+        else:
+            even += c[:, n] * j
+    return float(np.cos(phase) @ even - np.sin(phase) @ odd)

@@ -193,7 +193,9 @@ def axes_findings(
     }
     if not best.codes:
         return []
-    lead = min((g.total for g in rivals), default=best.total + 2.0) - best.total
+    # both triads turned together: whether the gyro's level axes are, too, may not show; as read they are wrong anyhow
+    others = [g for g in rivals if not _half_of(g, best)]
+    lead = min((g.total for g in others), default=best.total + 2.0) - best.total
     confidence = float(np.clip(0.6 + 0.35 * lead - 0.03 * best.misfit, 0.4, 0.99 if agreed else 0.6))
     also = ""
     if rivals:
@@ -207,6 +209,11 @@ def axes_findings(
             also += "; which way is forward is not known, the body does not go where it points"
         findings.append(Finding(code, severity, text + also, confidence, fix, evidence))
     return findings
+
+
+def _half_of(guess: Guess, best: Guess) -> bool:
+    """Whether a guess turns only the accelerometers, as the best one turns all of the sensor."""
+    return best.codes == ("axes",) and guess.codes == ("accel_axes",) and np.array_equal(guess.A, best.A)
 
 
 def _sentence(code: str, best: Guess, as_read: FloatArray) -> tuple[str, str, Any]:

@@ -16,6 +16,7 @@ from schuler.recording.io import dispatch
 from schuler.recording.io.assemble import recording_from
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import HUGE, Raw
+from schuler.recording.io.text_head import open_text
 from schuler.recording.recording import Recording
 
 
@@ -39,13 +40,17 @@ def repaired(path: Path, hints: ReadHints) -> tuple[Recording, list[Finding]]:
             raise FileFormatError("only text can be repaired", path)
         if path.suffix.lower() == ".pos" or rtklib.looks_like_pos(head):
             return _repaired_pos(path, hints)
-        raw = text._load(text.open_text(path, hints), hints)
-        findings = _without_missing(raw)
-        if "t" in raw.values:
-            findings += _in_order(raw)
-        if not all(map(len, raw.values.values())):
-            raise FileFormatError("no row is left without those that hold no number", path)
-        return recording_from(raw, hints), findings
+        findings: list[Finding] = []
+        parts = []
+        for raw, own in text.tables(open_text(path, hints), hints):
+            own_findings = _without_missing(raw)
+            if "t" in raw.values:
+                own_findings += _in_order(raw)
+            if not all(map(len, raw.values.values())):
+                raise FileFormatError("no row is left without those that hold no number", path)
+            parts.append(recording_from(raw, own))
+            findings += [f for f in own_findings if f.code not in [other.code for other in findings]]
+        return text.joined(parts, hints), findings
 
 
 def _without_missing(raw: Raw) -> list[Finding]:

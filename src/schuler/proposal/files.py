@@ -15,7 +15,7 @@ from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.proposal import arrays, tables
 from schuler.proposal.decision import Decision, UndecidedError
 from schuler.recording.formats import nmea, registry, rtklib, text
-from schuler.recording.io import columns, dispatch, lines
+from schuler.recording.io import columns, dispatch, lines, text_head
 from schuler.recording.io.folder import folders_in, listed, recognised
 from schuler.recording.io.hint_texts import SATELLITES
 from schuler.recording.io.hints import ReadHints
@@ -168,6 +168,9 @@ def _one(path: Path, given: Mapping[str, Any]) -> Files:
         entry, decisions = _table(path, "recording", held[0] if held else None)
         if entry is None:
             raise _unknown(path, "recording")
+        if len(held) > 1:
+            accuracy, more = _accuracy(path, "recording", held[1])
+            entry, decisions = entry | accuracy, decisions + more
         files.entries = {**entry, **given}
         files.decisions = [d for d in decisions if d.entry.rpartition(".")[2] not in given]
     return files
@@ -433,6 +436,10 @@ def _clock(path: Path, section: str) -> tuple[dict[str, Any], list[Decision]]:
     names, stated = _layout(path, None)
     t = tables.column(path, names.index("t")) if "t" in names and "t" not in stated else None
     unit = None if t is None else tables.unix_unit(t)
+    counted = None if t is None or "ax" not in names else tables.time_unit(t)  # those of the IMU in the same table
+    if t is not None and unit is None and counted is not None and counted[0] != "s":
+        unit = counted[0]
+        return {"units": f"t={unit}"}, [Decision(f"{section}.units", f"t={unit}", "as of the IMU in the same rows")]
     if t is None or unit is None:
         return {}, []
     entry = {"time": "unix"} | ({} if unit == "s" else {"units": f"t={unit}"})
@@ -460,9 +467,9 @@ def _accuracy(path: Path, section: str, part: str) -> tuple[dict[str, Any], list
 
 def _layout(path: Path, given: str | None) -> tuple[list[str], set[str]]:
     """Names of a table's columns, and those whose unit its header states."""
-    header = text.open_text(path, ReadHints()).header
-    fields = [] if header is None else header[1]
-    read = [columns.recognise(field) for field in fields]
+    opening = text_head.open_text(path, ReadHints())
+    fields = [] if opening.header is None else opening.header[1]
+    read = text_head.columns_of(opening)
     names = given.split(",") if given is not None else [column[0] if column else "-" for column in read]
     units = [columns.unit_in(field) for field in fields]
     return names, {name for name, unit in zip(names, units, strict=False) if unit is not None}

@@ -12,8 +12,7 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.exceptions import SchulerError
 from schuler.proposal import arrays
-from schuler.recording.formats import text
-from schuler.recording.io import columns, dates, lines
+from schuler.recording.io import columns, dates, lines, text_head
 from schuler.recording.io.hints import ReadHints
 from schuler.units import G0, factor_for
 
@@ -27,6 +26,7 @@ _GRAVITY = 0.7  # logarithm of the median norm over gravity's that motion and a 
 _POOR_SCALE = 0.15
 _FASTEST_S, _SLOWEST_S = 1.0 / 4000.0, 1.0 / 8.0
 _CALLED = {"accel": re.compile(r"acc", re.IGNORECASE), "gyro": re.compile(r"gyr", re.IGNORECASE)}
+_COUNTS_PER_G = (2048.0, 4096.0, 8192.0, 16384.0)  # of 16 bits over 16, 8, 4 and 2 g
 _UNIT_NORM = 1e-3  # digits of a written quaternion
 _UNIX_S = (1e9, 2.1e9)  # the years 2001 to 2036
 
@@ -139,7 +139,7 @@ def unix_unit(t: FloatArray) -> str | None:
 
 def column(path: Path, index: int) -> FloatArray | None:
     """One column of a text table, at most its first rows. Shape (n,)."""
-    values = _numbers(path)
+    values = _numbers(path, [index])
     return None if values is None or not 0 <= index < values.shape[1] else values[:, index]
 
 
@@ -152,7 +152,7 @@ def norm(path: Path, accel: Sequence[int]) -> float:
     accel : sequence of int
         Its columns.
     """
-    values = _numbers(path)
+    values = _numbers(path, accel)
     return (
         float("nan")
         if values is None or not len(values)
@@ -198,11 +198,11 @@ def half_columns(path: Path, half: str) -> tuple[str | None, str]:
     half : {"accel", "gyro"}
     """
     try:
-        header = text.open_text(path, ReadHints()).header
+        opening = text_head.open_text(path, ReadHints())
     except SchulerError:
         return None, ""
-    fields = [] if header is None else [field.strip().strip("\"'") for field in header[1]]
-    read = [None if column is None else column[0] for column in map(columns.recognise, fields)]
+    fields = [] if opening.header is None else [field.strip().strip("\"'") for field in opening.header[1]]
+    read = [None if column is None else column[0] for column in text_head.columns_of(opening)]
     triad, other = (columns.ACCEL, columns.GYRO) if half == "accel" else (columns.GYRO, columns.ACCEL)
     if set(triad) <= set(read) and not set(other) & set(read) and "lat" not in read:
         return None, f"its header names {', '.join(triad)}"
@@ -231,27 +231,37 @@ def half_columns(path: Path, half: str) -> tuple[str | None, str]:
     return ",".join(names), evidence
 
 
-def _numbers(path: Path) -> FloatArray | None:
-    """First rows of a text table, or of an array; None if it is none."""
+def _numbers(path: Path, needed: Sequence[int] | None = None) -> FloatArray | None:
+    """First rows of a text table or an array in which all columns are numbers, or those needed; None if it is none."""
     if path.suffix.lower() in (".npy", ".npz", ".mat"):
         whole = arrays.array(path)
         return None if whole is None else whole[:_ROWS]
     try:
-        opening = text.open_text(path, ReadHints())
+        opening = text_head.open_text(path, ReadHints())
     except SchulerError:
         return None
     rows: list[list[str]] = []
     width = len(opening.fields)
     for _, fields in itertools.islice(opening.table.rows(), _ROWS):
-        if len(fields) == width and all(fields):
-            rows.append([_seconds(field) for field in fields] if any(map(dates.is_date, fields)) else fields)
+        if len(fields) == width:
+            row = [_seconds(field) for field in fields] if any(map(_is_stamp, fields)) else fields
+            rows.append([field or "nan" for field in row])
     rows = [row for row in rows if all(map(lines.is_value, row))]
     values = np.array(rows, dtype=np.float64) if rows else np.empty((0, width))
-    return values[np.isfinite(values).all(axis=1)]
+    used = np.arange(width) if needed is None else np.array([k for k in needed if 0 <= k < width], dtype=int)
+    return values[np.isfinite(values[:, used]).all(axis=1)]
+
+
+def _is_stamp(field: str) -> bool:
+    return dates.is_date(field) or dates.is_clock(field) or dates.is_day(field)
 
 
 def _seconds(field: str) -> str:
-    """A date as Unix time, any other field as it is. [s]"""
+    """A date as Unix time, a time of day in its seconds, a day as nothing, any other field as it is. [s]"""
+    if dates.is_clock(field):
+        return f"{dates.seconds_of_day([field])[0][0]:.6f}"
+    if dates.is_day(field):
+        return "0"
     ns, _, bad = dates.unix_ns([field]) if dates.is_date(field) else (None, True, 0)
     return field if ns is None or bad is not None else f"{ns[0] / dates.NS:.6f}"
 
@@ -287,9 +297,10 @@ def _spread(x: FloatArray, calm: bool = True) -> float:
 
 
 def _is_gravity(x: FloatArray) -> bool:
-    """Whether the median norm is gravity's in a unit of accelerometers, to a poor scale factor."""
+    """Whether the median norm is gravity's in a unit of accelerometers or counts, to a poor scale factor."""
     size = float(np.median(np.linalg.norm(x, axis=1)))
-    return any(abs(size * factor_for(unit, "specific force") / G0 - 1.0) < _POOR_SCALE for unit in ("m/s^2", "g", "mg"))
+    sizes = [size * factor_for(unit, "specific force") / G0 for unit in ("m/s^2", "g", "mg")]
+    return any(abs(ratio - 1.0) < _POOR_SCALE for ratio in (*sizes, *(size / counts for counts in _COUNTS_PER_G)))
 
 
 def _aligned(accel: tuple[int, ...], gyro: tuple[int, ...], others: list[int]) -> bool:

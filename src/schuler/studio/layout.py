@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from schuler.exceptions import InputError, SchulerError
-from schuler.recording.formats.text import open_text
 from schuler.recording.io.columns import GROUP, SKIPS, recognise
 from schuler.recording.io.hint_texts import axes_matrix, parse_columns, parse_units
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.text_head import open_text
 
 #: Left out of a log.
 SKIPPED = SKIPS[0]

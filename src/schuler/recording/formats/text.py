@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,28 +17,16 @@ from schuler.recording.io import clock, columns, dates, lines, own, own_satellit
 from schuler.recording.io.assemble import CONVERTED, recording_from
 from schuler.recording.io.hint_texts import ColumnSpec, factor, parse_columns, parse_units
 from schuler.recording.io.hints import ReadHints
-from schuler.recording.io.lines import TextTable
 from schuler.recording.io.raw import Raw
+from schuler.recording.io.text_head import EXAMPLE, Opening, columns_of, open_text
 from schuler.recording.recording import Recording
 
 #: Start of the comment line by which our own CSV files are known; a JSON document follows.
 OWN_MARK = "# schuler {"
 OWN_FAMILY = "schuler/csv"
 OWN_FORMAT = f"{OWN_FAMILY}/2"
-_COMMENTS = ("#", "%", "//")
-_BANNER = 20  # lines of words above the first numbers that a logger may write
-_LOOKED_AT = 100  # rows in which a decimal comma shows
-_EXAMPLE = "columns='t,ax,ay,az,gx,gy,gz' (- skips one, * the rest)"
-
-
-@dataclass(frozen=True, slots=True)
-class Opening:
-    """The head of a text log: its comments, its header if there is one, and its first row of numbers."""
-
-    table: TextTable
-    comments: tuple[tuple[int, str], ...]
-    header: tuple[int, list[str]] | None
-    fields: list[str]
+_BLANK = ("speed", "course", "sspeed", "heading", "q", "ns", *columns.DILUTION)  # a fix may be without
+_ONE_CLOCK = "are taken to run on one clock of unknown epoch."
 
 
 def read_text(path: Path, hints: ReadHints) -> Recording:
@@ -65,23 +53,58 @@ def read_text(path: Path, hints: ReadHints) -> Recording:
     for number, comment in opening.comments:
         if comment.startswith(OWN_MARK):
             return _read_own(opening, hints, _own_document(comment, path, number))
-    raw = _load(opening, hints)
-    return recording_from(raw, hints)
+    return joined([recording_from(raw, own) for raw, own in tables(opening, hints)], hints)
 
 
-def recognised_series(path: Path) -> str | None:
-    """Series a text file would be read as without hints; ``None`` if its header does not tell."""
+def tables(opening: Opening, hints: ReadHints) -> list[tuple[Raw, ReadHints]]:
+    """Columns of a text log with the hints that go with them: of both series of a table that holds two.
+
+    Parameters
+    ----------
+    opening : Opening
+    hints : ReadHints
+
+    Raises
+    ------
+    FileFormatError
+        As :func:`read_text`.
+    """
+    held = _several(columns.series_of(_layout(opening, hints)[0])) if hints.series is None else ()
+    return [(_load(opening, own), own) for own in ([replace(hints, series=name) for name in held] or [hints])]
+
+
+def joined(parts: list[Recording], hints: ReadHints) -> Recording:
+    """One recording of the series of one table.
+
+    Parameters
+    ----------
+    parts : list of Recording
+    hints : ReadHints
+        As they were given.
+    """
+    if len(parts) == 1:
+        return parts[0]
+    merged = parts[0].merged_with(parts[1])
+    notes = [note for note in merged.metadata.notes if not note.endswith(_ONE_CLOCK)]
+    return replace(merged, metadata=replace(merged.metadata, notes=tuple(notes), options=hints.given()))
+
+
+def _several(series: list[str]) -> tuple[str, ...]:
+    """Series of a table that holds an IMU and what came with some of its samples: fixes or a speed of wheels."""
+    return tuple(series) if series in (["imu", "gnss"], ["imu", "odometer"]) else ()
+
+
+def recognised_series(path: Path) -> tuple[str, ...]:
+    """Series a text file would be read as without hints; none if its header does not tell."""
     hints = ReadHints()
     try:
         opening = open_text(path, hints)
         for number, comment in opening.comments:
             if comment.startswith(OWN_MARK):
-                return str(_own_document(comment, path, number).get("holds"))
-        if opening.header is None:
-            return None
-        names = [series[0] for series in map(columns.recognise, opening.header[1]) if series]
+                return (str(_own_document(comment, path, number).get("holds")),)
+        names = [column[0] for column in columns_of(opening) if column]
     except SchulerError:
-        return None
+        return ()
     series = columns.series_of(names)
     complete = {
         "imu": {*columns.ACCEL, *columns.GYRO},
@@ -92,87 +115,23 @@ def recognised_series(path: Path) -> str | None:
         "height": {"h", "sh"},
         "reference": {"x", "y", "z"},
     }
-    return series[0] if len(series) == 1 and complete[series[0]] <= set(names) else None
-
-
-def open_text(path: Path, hints: ReadHints) -> Opening:
-    """Find the first row of numbers of a text file and what stands before it.
-
-    Raises
-    ------
-    FileFormatError
-        If the file is missing, empty, not text, or has no rows of numbers.
-    """
-    encoding = lines.encoding_of(lines.check_file(path), path)
-    starts = (hints.comment,) if hints.comment else _COMMENTS
-    comments: list[tuple[int, str]] = []
-    first: int | None = None
-    header: tuple[int, str] | None = None  # the last line of words above the numbers: those before it are a banner
-    with path.open(encoding=encoding, errors="replace", newline=None) as stream:
-        for number, line in enumerate(itertools.islice(stream, hints.skip, None), hints.skip + 1):
-            text = lines.decode(line.strip())
-            if not text:
-                continue
-            if text.startswith(starts):
-                comments.append((number, text))
-                continue
-            delimiter = hints.delimiter or _guess_delimiter(text)
-            mark = hints.comment or next((s for s in _COMMENTS for _, c in comments if c.startswith(s)), "#")
-            table = TextTable(path, number, delimiter, mark, encoding)
-            fields = table.split(line)
-            if not _has_points(fields) and any(map(lines.is_decimal_comma, fields)):
-                table = replace(table, decimal=",")
-                fields = table.split(line)
-            numeric = any(map(lines.is_number, fields)) or all(map(lines.is_value, fields))
-            above = table.split(header[1]) if header and any(map(columns.recognise, table.split(header[1]))) else []
-            if hints.bad_lines and (len(fields) != (_width(hints) or len(above) or len(fields)) if numeric else above):
-                first = first or number  # a garbled line, as the one a log begins in the middle of; it is counted later
-                continue
-            if numeric:
-                table = replace(table, first=first or number)
-                names = (header[0], table.split(header[1])) if header else _commented_header(table, comments, fields)
-                if table.decimal == "." and _has_decimal_commas(table, line, stream):
-                    table = replace(table, decimal=",")
-                return Opening(table, tuple(comments), names, fields)
-            if header is not None and (number > _BANNER or any(map(columns.recognise, table.split(header[1])))):
-                raise FileFormatError(
-                    f"expected numbers below the header in line {header[0]}, got {lines.shorten(text)}: pass over the "
-                    f"lines before the first numbers with skip=..., and name the columns, {_EXAMPLE}",
-                    path,
-                    number,
-                )
-            header = (number, text)
-    if header is not None:
-        raise FileFormatError(
-            f"there is a header ({lines.shorten(header[1])}) but no row of numbers below it", path, header[0]
-        )
-    raise FileFormatError("there are no rows of numbers" + (f" after skip={hints.skip}" if hints.skip else ""), path)
-
-
-def _has_points(fields: Iterable[str]) -> bool:
-    """Whether a field is a number with a decimal point."""
-    return any("." in field and lines.is_number(field) for field in fields)
-
-
-def _has_decimal_commas(table: TextTable, line: str, following: Iterable[str]) -> bool:
-    """Whether numbers have commas for points: some of the first rows have one, none has a point."""
-    rows = [table.split(row) for row in (line, *itertools.islice(following, _LOOKED_AT))]
-    return any(any(map(lines.is_decimal_comma, row)) for row in rows) and not any(map(_has_points, rows))
-
-
-def _width(hints: ReadHints) -> int | None:
-    """Number of fields of a row, if the hint ``columns`` says it."""
-    specs, rest = parse_columns(hints.columns) or ([], True)
-    return None if rest or any(spec is not None and spec.source is not None for spec in specs) else len(specs)
+    held = _several(series) or (tuple(series) if len(series) == 1 else ())
+    return held if all(complete[name] <= set(names) for name in held) else ()
 
 
 def _load(opening: Opening, hints: ReadHints) -> Raw:
     names, indices, stated, notes, negated = _layout(opening, hints)
     n_columns = len(opening.fields)
+    beside = bool(_several(columns.series_of(names)))
+    if beside and hints.series is not None:
+        own = [k for k, name in enumerate(names) if name in columns.BELONGS[hints.series] or name == "heading"]
+        names, indices = [names[k] for k in own], [indices[k] for k in own]
     dated = _dated(opening, dict(zip(names, indices, strict=True)))
     if dated is not None:
         place = names.index("t")
         del names[place], indices[place]
+    if beside and hints.series in ("gnss", "odometer"):
+        return _rarer(opening, hints, names, indices, (stated, notes, negated), dated)
     rows: Iterable[list[str]]
     line_of: Callable[[int], int | None] = opening.table.line_of
     if hints.bad_lines:
@@ -189,7 +148,46 @@ def _load(opening: Opening, hints: ReadHints) -> Raw:
     arrays = {name: values[:, k] for k, name in enumerate(names)}
     raw = Raw(opening.table.path, arrays, stated, line_of, notes=notes, negated=negated)
     if dated is not None:
-        _stamp(raw, hints, [fields[dated] for fields in rows])
+        _stamp(raw, hints, _stamps_of(opening, dated, rows))
+    return raw
+
+
+def _rarer(
+    opening: Opening,
+    hints: ReadHints,
+    names: list[str],
+    indices: list[int],
+    stated_notes_negated: tuple[dict[str, str], list[str], set[str]],
+    dated: int | None,
+) -> Raw:
+    """Rows of a table of an IMU that bring a fix or a speed of wheels.
+
+    Loggers leave the fields empty between two fixes, repeat the last one, or write zeros until the first: fixes are
+    rows whose fields are filled, and others than in the row before. A speed may stay what it is.
+    """
+    stated, notes, negated = stated_notes_negated
+    fixes = hints.series == "gnss"
+    needed = [k for name, k in zip(names, indices, strict=True) if name != "t" and not (fixes and name in _BLANK)]
+    watched = [k for name, k in zip(names, indices, strict=True) if name != "t"]
+    place = [k for name, k in zip(names, indices, strict=True) if name in ("lat", "lon", "n", "e")]
+    numbers, rows, last = [], [], [""] * len(watched)
+    for number, fields in opening.table.rows():
+        if len(fields) != len(opening.fields) or not all(lines.is_number(fields[k]) for k in needed):
+            continue
+        new = [fields[k] for k in watched]
+        if not fixes or (new != last and not (place and all(float(fields[k]) == 0.0 for k in place))):
+            numbers.append(number)
+            rows.append(fields)
+        last = new
+    if not rows:
+        raise FileFormatError(f"no row has a number in {', '.join(names)}", opening.table.path, opening.table.first)
+    values = np.array([[float(f[k]) if lines.is_number(f[k]) else -1.0 for k in indices] for f in rows])
+    if fixes:
+        notes.append(f"{len(rows)} rows bring a new fix; those between repeat the last one or have none.")
+    arrays = {name: values[:, k] for k, name in enumerate(names)}
+    raw = Raw(opening.table.path, arrays, stated, numbers.__getitem__, notes=notes, negated=negated)
+    if dated is not None:
+        _stamp(raw, hints, _stamps_of(opening, dated, rows))
     return raw
 
 
@@ -214,13 +212,28 @@ def _values(opening: Opening, names: list[str], indices: list[int], cut: bool) -
 
 
 def _dated(opening: Opening, chosen: dict[str, int]) -> int | None:
-    """Position of the time column if its stamps are dates."""
+    """Position of the time column if its stamps are dates or times of day."""
     k = chosen.get("t")
-    return k if k is not None and dates.is_date(opening.fields[k]) else None
+    return k if k is not None and (dates.is_date(opening.fields[k]) or dates.is_clock(opening.fields[k])) else None
+
+
+def _stamps_of(opening: Opening, dated: int, rows: Iterable[list[str]]) -> list[str]:
+    """Stamps of rows, times of day with the date of the column that has it."""
+    days = [k for k, field in enumerate(opening.fields) if dates.is_day(field)]
+    if len(days) != 1 or not dates.is_clock(opening.fields[dated]):
+        return [fields[dated] for fields in rows]
+    return [dates.joined(fields[days[0]], fields[dated]) for fields in rows]
 
 
 def _stamp(raw: Raw, hints: ReadHints, texts: list[str]) -> None:
-    """Make the time column of dates, on GPS time."""
+    """Make the time column of dates, on GPS time, or of times of day, on the log's own clock."""
+    if dates.is_clock(texts[0]):
+        raw.values["t"], bad = dates.seconds_of_day(texts)
+        raw.stated["t"] = "s"
+        if bad is not None:
+            raise raw.fault(f"t: expected a time of day such as 12:00:00.25, got {lines.shorten(texts[bad], 40)}", bad)
+        raw.notes.append("Stamps are times of day, of no stated date: seconds since the first midnight.")
+        return
     ns, zoned, bad = dates.unix_ns(texts)
     if bad is not None:
         raise raw.fault(f"t: expected a date such as 2024-05-01T12:00:00.25Z, got {lines.shorten(texts[bad], 40)}", bad)
@@ -255,7 +268,7 @@ def _layout(opening: Opening, hints: ReadHints) -> tuple[list[str], list[int], d
     if header is not None and not fits and not in_order:
         raise FileFormatError(
             f"the header names {len(header[1])} columns, the first row of numbers (line {opening.table.first}) has "
-            f"{len(opening.fields)}: correct the file, or say {_EXAMPLE} and skip={header[0]}",
+            f"{len(opening.fields)}: correct the file, or say {EXAMPLE} and skip={header[0]}",
             path,
             header[0],
         )
@@ -302,26 +315,26 @@ def _by_header(opening: Opening, hints: ReadHints, notes: list[str]) -> dict[str
     if header is None:
         shown = lines.shorten(opening.table.delimiter.join(opening.fields))
         raise FileFormatError(
-            f"there is no header, so the {len(opening.fields)} columns are not known: say {_EXAMPLE}; "
+            f"there is no header, so the {len(opening.fields)} columns are not known: say {EXAMPLE}; "
             f"the line is {shown}",
             path,
             opening.table.first,
         )
     number, fields = header
-    recognised = {k: name for k, name in ((k, columns.recognise(field)) for k, field in enumerate(fields)) if name}
+    recognised = {k: column for k, column in enumerate(columns_of(opening)) if column}
     names = [name for name, _ in recognised.values()]
     if set(names) & set(columns.MAG) and any(names.count(name) != 1 for name in columns.MAG):
         # raw beside corrected, or an axis alone: no one magnetometer, and nothing else needs it
         recognised = {k: column for k, column in recognised.items() if column[0] not in columns.MAG}
         names = [name for name, _ in recognised.values()]
-    day = [k for k, field in enumerate(opening.fields) if dates.is_date(field)]
-    if "t" not in names and len(day) == 1 and hints.rate is None and day[0] not in recognised:
-        recognised[day[0]] = ("t", None)
-        names.append("t")
+    stamps = [k for k, (name, _) in recognised.items() if name == "t"]
+    if hints.rate is not None and stamps and columns.recognise(fields[stamps[0]]) is None:
+        del recognised[stamps[0]]  # a date that nothing calls a time
+        names.remove("t")
     series = columns.series_of(names)
     if not series or ("x" in names and series == ["reference"] and not {"y", "z"} <= set(names)):
         raise FileFormatError(
-            f"no sensor is recognised in the header ({_listed(fields)}): say {_EXAMPLE} or map names, "
+            f"no sensor is recognised in the header ({_listed(fields)}): say {EXAMPLE} or map names, "
             "columns='t=Stamp,ax=X acceleration,...'",
             path,
             number,
@@ -344,7 +357,7 @@ def _find_header(opening: Opening, source: str) -> int:
     if header is None:
         raise FileFormatError(
             f"columns maps a name to the header {source!r}, but the file has no header: give the names in "
-            f"order, {_EXAMPLE}",
+            f"order, {EXAMPLE}",
             path,
         )
     plain = [field.strip().strip("\"'") for field in header[1]]
@@ -378,21 +391,6 @@ def _stated_units(opening: Opening, hints: ReadHints, chosen: dict[str, int], no
             continue
         stated[name] = unit
     return stated
-
-
-def _commented_header(
-    table: TextTable, comments: list[tuple[int, str]], fields: list[str]
-) -> tuple[int, list[str]] | None:
-    """A header behind a comment mark: the last comment with as many fields as the rows and none of them a number."""
-    for number, text in reversed(comments):
-        names = replace(table, comment="\n").split(text.lstrip("#%/ \t"))
-        if len(names) == len(fields) and not any(map(lines.is_number, names)):
-            return (number, names) if any(map(columns.recognise, names)) else None
-    return None
-
-
-def _guess_delimiter(line: str) -> str:
-    return next((character for character in ";\t," if character in line), " ")
 
 
 def _listed(names: list[str]) -> str:

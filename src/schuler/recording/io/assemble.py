@@ -11,7 +11,7 @@ import numpy as np
 from schuler import files, units
 from schuler.arrays import FloatArray
 from schuler.files import hashed
-from schuler.recording.io import checks, columns, own
+from schuler.recording.io import checks, columns, over_ground, own
 from schuler.recording.io.bursts import spread_bursts
 from schuler.recording.io.clock import stamps
 from schuler.recording.io.gnss_table import gnss_series, reference_path
@@ -33,6 +33,8 @@ from schuler.recording.trajectory import Trajectory
 from schuler.timebase import TimeBase
 
 CONVERTED = "Converted to SI"  # how a note on units begins
+# a 32-bit counter that begins again: not more often than in two weeks of microseconds, within a pause of this
+_MOST_WRAPS, _LONGEST_STEP_S, _STEPS = 300, 1.0, 20.0
 SHORTEST_S = 1e-7  # a sample interval below is a wrong unit of time [s]
 # size of the Earth's field, 22 to 67 uT; a unit is taken for right up to a factor of four
 _EARTH_FIELD = {"T": 45e-6, "gauss": 0.45, "uT": 45.0, "mgauss": 450.0, "nT": 45e3}
@@ -67,6 +69,9 @@ def series_from(
 ) -> tuple[dict[str, Any], TimeBase]:
     """Series of one table by its name, and the time base; see :func:`recording_from`. Notes go to ``raw.notes``."""
     series = _series(raw, hints)
+    headed = series == "gnss" and raw.has(("heading", "speed")) and "course" not in raw.values
+    if headed:
+        raw.values["course"] = raw.values.pop("heading")
     if others := [name for name in raw.values if name not in columns.BELONGS[series]]:
         raw.notes.append(f"Columns of no use to the {series} series: {', '.join(others)}.")
         raw.values = {name: values for name, values in raw.values.items() if name not in others}
@@ -74,6 +79,9 @@ def series_from(
         _hold_magnetometer(raw)
     _check_finite(raw)
     _to_si(raw, hints, series)
+    if headed and not (raw.has(columns.GEODETIC) and over_ground.is_course(raw.values)):
+        del raw.values["course"]
+        raw.notes.append("The heading is not the direction of motion, or nothing moves: it was not used.")
     if raw.has(columns.LOCAL) and "lat" not in raw.values:
         place_local(raw.values, hints, raw.path)
         raw.ellipsoidal = True
@@ -119,6 +127,8 @@ def _series(raw: Raw, hints: ReadHints) -> str:
             return "reference"
         if hints.series == "gnss" and raw.has(columns.LOCAL):
             return "gnss"
+        if hints.series == "odometer" and "speed" in raw.values:
+            return "odometer"  # of wheels, although it stands beside a position
         if hints.series not in recognised and columns.NUMBER_OF.get(hints.series) not in raw.values:
             raise raw.fault(f"series={hints.series!r}, but the columns are {', '.join(raw.values)}")
         return hints.series
@@ -228,6 +238,8 @@ def _time(raw: Raw, hints: ReadHints, base: TimeBase | None) -> tuple[FloatArray
         base = base or (TimeBase("local") if hints.time is None else None)
     elif hints.rate is not None:
         raise raw.fault("there is a time column and rate is given: leave rate out, or skip the column with -")
+    if base is None:
+        _count_on(raw)
     t, base = (raw.values["t"], base) if base is not None else stamps(raw.values["t"], hints.time, raw.fault, raw.notes)
     if "ax" in raw.values and (evenly := spread_bursts(t)) is not None:
         t, sentence = evenly
@@ -244,6 +256,24 @@ def _time(raw: Raw, hints: ReadHints, base: TimeBase | None) -> tuple[FloatArray
         step = np.diff(t)
     raw.notes += checks.timing_notes(t, step, raw.interval)
     return t if t.base is None else t.copy(), base  # a view would keep all columns of the file in memory
+
+
+def _count_on(raw: Raw) -> None:
+    """Count stamps on where a counter of 32 bits began again at zero."""
+    t = raw.values["t"]
+    step = np.diff(t)
+    back = np.flatnonzero(step < 0.0)
+    unit = raw.unit.get("t")
+    if not len(back) or unit is None or len(back) > _MOST_WRAPS:
+        return
+    period = 2.0**32 * units.factor_for(unit, "time")
+    usual = float(np.median(step))
+    over = step[back] + period
+    if usual > 0.0 and np.all((over > 0.0) & (over < _LONGEST_STEP_S + _STEPS * usual)):
+        raw.values["t"] = t + period * np.concatenate(([0.0], np.cumsum(step < 0.0)))
+        raw.notes.append(
+            f"The counter of 32 bits began again {len(back)} times, first after {t[back[0]]:.6f} s: counted on."
+        )
 
 
 def _imu(raw: Raw, hints: ReadHints, t: FloatArray, trusted: bool) -> ImuSeries:

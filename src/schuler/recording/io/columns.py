@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import cast
 
 from schuler.exceptions import InputError
 
@@ -63,7 +64,8 @@ def _spellings() -> dict[str, str]:
     table = {name: name for name in GROUP if name not in LOCAL}  # an n alone is a counter
     table |= {word: word[0] for word in ("north", "east", "down")}
     for axis in "xyz":
-        for stem in ("acc", "accel", "accelerometer", "acceleration", "specific_force", "f"):
+        # linear_acceleration is ROS's specific force; a phone's, without gravity, is refused for what it shows at rest
+        for stem in ("acc", "accel", "accelerometer", "acceleration", "linear_acceleration", "specific_force", "f"):
             table |= {f"{stem}_{axis}": f"a{axis}", f"{stem}{axis}": f"a{axis}"}
         for stem in ("gyr", "gyro", "gyroscope", "omega", "w", "angular_rate", "angular_velocity"):
             table |= {f"{stem}_{axis}": f"g{axis}", f"{stem}{axis}": f"g{axis}"}
@@ -79,6 +81,8 @@ def _spellings() -> dict[str, str]:
     table |= {"temperature": "temp", "tmp": "temp", "latitude": "lat", "longitude": "lon", "lng": "lon", "height": "h"}
     table |= dict.fromkeys(("altitude", "alt"), "h")
     table |= {"quality": "q", "n_satellites": "ns", "nsat": "ns"}
+    table |= dict.fromkeys(("sats", "satellites", "num_sv", "numsv", "num_sats", "nsats"), "ns")
+    table |= dict.fromkeys(_LATE_CLOCKS, "t")
     for word in ("cog", "course_over_ground", "bearing"):
         table[word] = "course"
     for word in ("sog", "speed_over_ground", "ground_speed", "groundspeed"):
@@ -87,7 +91,11 @@ def _spellings() -> dict[str, str]:
     return table
 
 
+#: Names of a time where no other column is one.
+_LATE_CLOCKS = ("unix_time", "unixtime", "unix", "datetime", "date_time")
 _SPELLINGS = _spellings()
+#: What stands before a name in tables of several sensors.
+_PREFIXES = ("imu_", "gps_", "gnss_", "field_")
 #: Names of a time that say its unit.
 _CLOCKS = {"ms": "ms", "msec": "ms", "millis": "ms", "us": "us", "usec": "us", "micros": "us"}
 # what follows an underscore in names such as ax_m_s2; longer endings are tried first
@@ -95,10 +103,12 @@ _ENDINGS = {
     "m_s2": "m/s^2", "mps2": "m/s^2", "ms2": "m/s^2", "mg": "mg", "g": "g", "rad_s": "rad/s", "rads": "rad/s",
     "rps": "rad/s", "deg_s": "deg/s", "dps": "deg/s", "mdps": "mdps", "degs": "deg/s", "deg_h": "deg/h",
     "s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns", "rad": "rad", "deg": "deg", "m_s": "m/s", "mps": "m/s",
-    "km_h": "km/h", "m": "m", "degc": "degC", "c": "degC", "ut": "uT", "nt": "nT", "gauss": "gauss",
+    "km_h": "km/h", "kmh": "km/h", "kmph": "km/h", "kph": "km/h", "kn": "kn", "kt": "kn",
+    "knots": "kn", "m": "m", "degc": "degC", "c": "degC", "ut": "uT", "nt": "nT", "gauss": "gauss",
     "mgauss": "mgauss",
 }  # fmt: skip
 _LONGEST = 200  # characters of a name worth looking at
+_HUMP = re.compile(r"([a-z0-9])([A-Z])")
 _BRACKETED = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
 
 
@@ -117,16 +127,42 @@ def recognise(header: str) -> tuple[str, str | None] | None:
     """
     if len(header) > _LONGEST:
         return None
-    word, unit = _word_and_unit(header)
-    if word in _SPELLINGS:
-        return _SPELLINGS[word], unit
-    if word in _CLOCKS:
-        return "t", unit or _CLOCKS[word]
-    if unit is None and (ending := _ending(word)) is not None:
-        stem = word.removesuffix(f"_{ending}")
-        if stem in _SPELLINGS:
-            return _SPELLINGS[stem], _ENDINGS[ending]
+    text, unit = _text_and_unit(header)
+    for word in dict.fromkeys((_plain(text), _plain(_HUMP.sub(r"\1_\2", text)))):  # speedKmph as speed_kmph
+        for name in dict.fromkeys((word, *(word.removeprefix(prefix) for prefix in _PREFIXES))):
+            if name in _SPELLINGS:
+                return _SPELLINGS[name], unit
+            if name in _CLOCKS:
+                return "t", unit or _CLOCKS[name]
+            if unit is None and (ending := _ending(name)) is not None:
+                return _SPELLINGS[name.removesuffix(f"_{ending}")], _ENDINGS[ending]
     return None
+
+
+def recognise_all(headers: Sequence[str]) -> list[tuple[str, str | None] | None]:
+    """Columns that the fields of a header name, one time among them where only one is sure to be it.
+
+    Parameters
+    ----------
+    headers : sequence of str
+
+    Notes
+    -----
+    A ``T`` beside another time is a temperature; ``datetime``, ``unix`` and the like are times where nothing else is.
+    """
+    read = [recognise(header) for header in headers]
+    times = [k for k, column in enumerate(read) if column is not None and column[0] == "t"]
+    words = {k: headers[k].strip().strip("\"'") for k in times}
+    warm = [k for k in times if re.fullmatch(r"T\s*([\[(].*)?", words[k])]
+    late = [k for k in times if k not in warm and _plain(_HUMP.sub(r"\1_\2", words[k])) in _LATE_CLOCKS]
+    sure = len(times) - len(warm) - len(late)
+    if len(times) > 1 and sure <= 1 and (sure or late):
+        named = any(column is not None and column[0] == "temp" for column in read)
+        for k in warm:
+            read[k] = None if named or len(warm) > 1 else ("temp", cast(tuple[str, str | None], read[k])[1])
+        for k in late if sure else late[1:]:
+            read[k] = None
+    return read
 
 
 def unit_in(header: str) -> str | None:
@@ -134,14 +170,18 @@ def unit_in(header: str) -> str | None:
     if len(header) > _LONGEST:
         return None
     column = recognise(header)
-    return column[1] if column else _word_and_unit(header)[1]
+    return column[1] if column else _text_and_unit(header)[1]
 
 
-def _word_and_unit(header: str) -> tuple[str, str | None]:
-    text, unit = header.strip().strip("\"'"), None
-    if match := _BRACKETED.match(text):
-        text, unit = match.group(1), match.group(2) or None
-    return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_").removeprefix("imu_"), unit
+def _text_and_unit(header: str) -> tuple[str, str | None]:
+    """A field of a header without quotes, and the unit in brackets behind it."""
+    text = header.strip().strip("\"'")
+    match = _BRACKETED.match(text)
+    return (text, None) if match is None else (match.group(1), match.group(2) or None)
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
 
 
 def _ending(word: str) -> str | None:
@@ -210,7 +250,7 @@ def series_of(names: Iterable[str]) -> list[str]:
         kinds.append("imu")
     if present & {"lat", "lon"}:
         kinds.append("gnss")
-    if "speed" in present and not present >= {"lat", "lon", "course"}:
+    if "speed" in present and not present >= {"lat", "lon"}:  # beside a position it is the receiver's
         kinds.append("odometer")
     if present & set(ECEF) or (present >= set(LOCAL) and "lat" not in present):
         kinds.append("reference")

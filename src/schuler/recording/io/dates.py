@@ -1,19 +1,78 @@
-"""Dates and clock times of ISO 8601 to nanoseconds since 1970."""
+"""Dates and clock times of ISO 8601 to nanoseconds since 1970, and times of day."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from typing import cast
 
 import numpy as np
 
-from schuler.arrays import IntArray
+from schuler.arrays import FloatArray, IntArray
 
 NS = 1_000_000_000
 _ISO = re.compile(
     r"((?:19[89]|20\d)\d-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)(?:[.,](\d+))?\s*(Z|UTC|([+-])(\d\d)(?::?(\d\d))?)?",
     re.IGNORECASE,
 )
+
+_CLOCK = re.compile(r"([01]?\d|2[0-3]):([0-5]\d):([0-5]\d)(?:[.,:](\d+))?")
+_DAY = re.compile(r"((?:19[89]|20\d)\d)[-/.](\d\d?)[-/.](\d\d?)|(\d\d?)\.(\d\d?)\.((?:19[89]|20\d)\d)")
+_DAY_S = 86_400.0
+
+
+def is_clock(field: str) -> bool:
+    """Whether a field is a time of day, ``16:53:02.25``."""
+    return _CLOCK.fullmatch(field) is not None
+
+
+def is_day(field: str) -> bool:
+    """Whether a field is a date without a clock time, ``2024-05-17``, ``2024/05/17`` or ``17.05.2024``.
+
+    With strokes the day may come before or after the month, so that only the year at the front is read.
+    """
+    return _DAY.fullmatch(field) is not None
+
+
+def joined(day: str, clock: str) -> str:
+    """A date in two fields as one; whatever it is if they are none, for the error to show."""
+    match = _DAY.fullmatch(day)
+    if match is None or not is_clock(clock):
+        return f"{day} {clock}"
+    y, m, d = (match[1], match[2], match[3]) if match[1] else (match[6], match[5], match[4])
+    return f"{y}-{int(m):02d}-{int(d):02d}T{_clock(clock)}"
+
+
+def _clock(field: str) -> str:
+    """A time of day as ISO 8601 has it."""
+    h, m, s, decimals = cast(re.Match[str], _CLOCK.fullmatch(field)).groups()
+    return f"{int(h):02d}:{m}:{s}" + (f".{decimals}" if decimals else "")
+
+
+def seconds_of_day(fields: Iterable[str]) -> tuple[FloatArray, int | None]:
+    """Seconds since the first midnight of times of day, which begin again at each midnight.
+
+    Parameters
+    ----------
+    fields : iterable of str
+
+    Returns
+    -------
+    t : ndarray, shape (n,)
+        Up to the first that is no time of day. [s]
+    bad : int or None
+        Row of that one.
+    """
+    values, bad = [], None
+    for row, field in enumerate(fields):
+        match = _CLOCK.fullmatch(field)
+        if match is None:
+            bad = row
+            break
+        h, m, s, decimals = match.groups()
+        values.append(3600 * int(h) + 60 * int(m) + float(f"{s}.{decimals or 0}"))
+    t = np.array(values)
+    return t + _DAY_S * np.concatenate(([0.0], np.cumsum(np.diff(t) < -0.5 * _DAY_S)))[: len(t)], bad
 
 
 def is_date(field: str) -> bool:

@@ -208,5 +208,4 @@ def recognised(file: Path) -> tuple[str, ...]:
         return ("gnss",)
     if file.suffix.lower() in (".md", ".json", ".yaml", ".toml", ".html", ".kml", ".geojson"):
         return ()
-    series = text.recognised_series(file)
-    return () if series is None else (series,)
+    return text.recognised_series(file)

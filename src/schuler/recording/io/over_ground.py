@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from schuler import earth
 from schuler.arrays import FloatArray
+from schuler.units import DEG
 
 #: 1-sigma of the vertical velocity of a vehicle or a walker whose log has none. [m/s]
 NO_VERTICAL_RATE = 10.0
@@ -14,6 +17,7 @@ NO_VELOCITY = 1000.0
 _ENOUGH = 10  # pairs of fixes that a scatter is taken from
 _LONGEST = 3.0  # between the two fixes of a pair [s]
 _TO_SIGMA = 1.4826  # of a median of absolute values
+_WALKING, _DISPLACED, _SAME = 0.8, 5.0, 15.0 * DEG  # [m/s], [m], [rad]
 _LEAST = 0.05  # 1-sigma speed of the best receiver [m/s]
 
 
@@ -75,6 +79,37 @@ def velocities(
             "svd": np.full_like(v, NO_VERTICAL_RATE),
             "cvne": (along**2 - across**2) * c * s, "cvnd": np.zeros_like(v), "cved": np.zeros_like(v),
         }  # fmt: skip
+
+
+def is_course(values: Mapping[str, FloatArray]) -> bool:
+    """Whether a direction beside speeds is that of motion: within 15 deg of displacements, in the median.
+
+    Parameters
+    ----------
+    values : mapping of str to ndarray, shape (n,)
+        ``lat``, ``lon``, ``course`` [rad] and ``speed`` [m/s] of fixes.
+
+    Notes
+    -----
+    A compass may point anywhere, and so may an antenna pair. Displacements are of 5 m or more, so that errors of
+    positions are a small angle.
+    """
+    lat, lon, course, speed = (values[name] for name in ("lat", "lon", "course", "speed"))
+    moving = np.isfinite(speed) & (speed > _WALKING)
+    if moving.sum() < _ENOUGH:
+        return False
+    meridian, normal = earth.radii_of_curvature(lat[:1])
+    place = np.stack((meridian[0] * lat, normal[0] * np.cos(lat[0]) * np.unwrap(lon)))
+    stride = np.linalg.norm(np.diff(place), axis=0)
+    usual = float(np.median(stride[moving[1:]])) if moving[1:].any() else 0.0
+    if not usual > 0.0:
+        return False
+    k = 2 * max(1, int(np.ceil(0.5 * _DISPLACED / usual)))
+    step = place[:, k:] - place[:, :-k]
+    far = (np.linalg.norm(step, axis=0) > _DISPLACED) & moving[k // 2 : len(moving) - k // 2]
+    off = np.arctan2(step[1], step[0]) - course[k // 2 : len(course) - k // 2]
+    off = np.abs((off[far] + np.pi) % (2.0 * np.pi) - np.pi)
+    return bool(len(off) >= _ENOUGH and np.median(off) < _SAME)
 
 
 def measured(accuracy: FloatArray, other: FloatArray) -> bool:

@@ -1,0 +1,127 @@
+"""The head of a text log: comments, header, the first row of numbers, and what its columns are."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from schuler.exceptions import FileFormatError
+from schuler.recording.io import columns, dates, lines
+from schuler.recording.io.hint_texts import parse_columns
+from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.lines import TextTable
+
+_COMMENTS = ("#", "%", "//")
+_BANNER = 20  # lines of words above the first numbers that a logger may write
+_LOOKED_AT = 100  # rows in which a decimal comma shows
+#: How columns are said where no header tells them.
+EXAMPLE = "columns='t,ax,ay,az,gx,gy,gz' (- skips one, * the rest)"
+
+
+@dataclass(frozen=True, slots=True)
+class Opening:
+    """The head of a text log: its comments, its header if there is one, and its first row of numbers."""
+
+    table: TextTable
+    comments: tuple[tuple[int, str], ...]
+    header: tuple[int, list[str]] | None
+    fields: list[str]
+
+
+def open_text(path: Path, hints: ReadHints) -> Opening:
+    """Find the first row of numbers of a text file and what stands before it.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is missing, empty, not text, or has no rows of numbers.
+    """
+    encoding = lines.encoding_of(lines.check_file(path), path)
+    starts = (hints.comment,) if hints.comment else _COMMENTS
+    comments: list[tuple[int, str]] = []
+    first: int | None = None
+    header: tuple[int, str] | None = None  # the last line of words above the numbers: those before it are a banner
+    with path.open(encoding=encoding, errors="replace", newline=None) as stream:
+        for number, line in enumerate(itertools.islice(stream, hints.skip, None), hints.skip + 1):
+            text = lines.decode(line.strip())
+            if not text:
+                continue
+            if text.startswith(starts):
+                comments.append((number, text))
+                continue
+            delimiter = hints.delimiter or _guess_delimiter(text)
+            mark = hints.comment or next((s for s in _COMMENTS for _, c in comments if c.startswith(s)), "#")
+            table = TextTable(path, number, delimiter, mark, encoding)
+            fields = table.split(line)
+            if not _has_points(fields) and any(map(lines.is_decimal_comma, fields)):
+                table = replace(table, decimal=",")
+                fields = table.split(line)
+            numeric = any(map(lines.is_number, fields)) or all(map(lines.is_value, fields))
+            above = table.split(header[1]) if header and any(map(columns.recognise, table.split(header[1]))) else []
+            if hints.bad_lines and (len(fields) != (_width(hints) or len(above) or len(fields)) if numeric else above):
+                first = first or number  # a garbled line, as the one a log begins in the middle of; it is counted later
+                continue
+            if numeric:
+                table = replace(table, first=first or number)
+                names = (header[0], table.split(header[1])) if header else _commented_header(table, comments, fields)
+                if table.decimal == "." and _has_decimal_commas(table, line, stream):
+                    table = replace(table, decimal=",")
+                return Opening(table, tuple(comments), names, fields)
+            if header is not None and (number > _BANNER or any(map(columns.recognise, table.split(header[1])))):
+                raise FileFormatError(
+                    f"expected numbers below the header in line {header[0]}, got {lines.shorten(text)}: pass over the "
+                    f"lines before the first numbers with skip=..., and name the columns, {EXAMPLE}",
+                    path,
+                    number,
+                )
+            header = (number, text)
+    if header is not None:
+        raise FileFormatError(
+            f"there is a header ({lines.shorten(header[1])}) but no row of numbers below it", path, header[0]
+        )
+    raise FileFormatError("there are no rows of numbers" + (f" after skip={hints.skip}" if hints.skip else ""), path)
+
+
+def _has_points(fields: Iterable[str]) -> bool:
+    """Whether a field is a number with a decimal point."""
+    return any("." in field and lines.is_number(field) for field in fields)
+
+
+def _has_decimal_commas(table: TextTable, line: str, following: Iterable[str]) -> bool:
+    """Whether numbers have commas for points: some of the first rows have one, none has a point."""
+    rows = [table.split(row) for row in (line, *itertools.islice(following, _LOOKED_AT))]
+    return any(any(map(lines.is_decimal_comma, row)) for row in rows) and not any(map(_has_points, rows))
+
+
+def _width(hints: ReadHints) -> int | None:
+    """Number of fields of a row, if the hint ``columns`` says it."""
+    specs, rest = parse_columns(hints.columns) or ([], True)
+    return None if rest or any(spec is not None and spec.source is not None for spec in specs) else len(specs)
+
+
+def columns_of(opening: Opening) -> list[tuple[str, str | None] | None]:
+    """What the header says of each column: name and unit, or None; a lone date is the time whatever it is called."""
+    read = [] if opening.header is None else columns.recognise_all(opening.header[1])
+    if len(read) == len(opening.fields) and not any(column is not None and column[0] == "t" for column in read):
+        stamps = [k for k, field in enumerate(opening.fields) if dates.is_date(field)]
+        stamps = stamps or [k for k, field in enumerate(opening.fields) if dates.is_clock(field)]
+        if len(stamps) == 1 and read[stamps[0]] is None:
+            read[stamps[0]] = ("t", None)
+    return read
+
+
+def _commented_header(
+    table: TextTable, comments: list[tuple[int, str]], fields: list[str]
+) -> tuple[int, list[str]] | None:
+    """A header behind a comment mark: the last comment with as many fields as the rows and none of them a number."""
+    for number, text in reversed(comments):
+        names = replace(table, comment="\n").split(text.lstrip("#%/ \t"))
+        if len(names) == len(fields) and not any(map(lines.is_number, names)):
+            return (number, names) if any(map(columns.recognise, names)) else None
+    return None
+
+
+def _guess_delimiter(line: str) -> str:
+    return next((character for character in ";\t," if character in line), " ")

@@ -72,6 +72,8 @@ class Errors(NamedTuple):
 def horizontal_errors(result: NavigationResult, judge: Judge) -> Errors:
     """North and east errors at the times of the judge that the solution covers, with its claims."""
     path = result.antenna() if judge.at_antenna else result.trajectory
+    if judge.at_antenna:  # fixes held back have the stamps of those that were used
+        judge = judge._replace(t=judge.t + result.fixes_later_s)
     errors = horizontal_errors_of(path, judge, start=float(result.t[0]))
     own = errors.total * np.outer(*[judge_scale(result)] * 2) if judge.at_antenna else errors.total
     P = antenna_covariance(result) if judge.at_antenna else result.covariance[:, 6:9, 6:9]
@@ -93,17 +95,19 @@ def judge_scale(result: NavigationResult) -> FloatArray:
 def antenna_covariance(result: NavigationResult) -> FloatArray:
     """Covariance of the antenna's position at the records, north, east, down. Shape (k, 3, 3) [m^2]
 
-    With a lever arm that is estimated the antenna is better known than the IMU: ``dr + dpsi x l + C_nb dl``.
+    With a lever arm or time offset that is estimated the antenna at a fix is better known than the IMU:
+    ``dr + dpsi x l + C_nb dl + v dt``.
     """
     P = result.covariance
-    if "lever" not in result.layout:
-        return P[:, 6:9, 6:9]
-    part, C = result.layout["lever"], result.states.C_nb
-    l_n = np.einsum("kij,kj->ki", C, result.lever_arm_b + result.parameter("lever"))
     H = np.zeros((len(P), 3, P.shape[1]))
-    H[:, :, :3] = -skew(l_n)
     H[:, :, 6:9] = np.eye(3)
-    H[:, :, part] = C
+    if "lever" in result.layout:
+        C = result.states.C_nb
+        l_n = np.einsum("kij,kj->ki", C, result.lever_arm_b + result.parameter("lever"))
+        H[:, :, :3] = -skew(l_n)
+        H[:, :, result.layout["lever"]] = C
+    if "delay" in result.layout:
+        H[:, :, result.layout["delay"]] = result.states.v_eb_n[:, :, None]
     return np.asarray(H @ P @ np.swapaxes(H, 1, 2))
 
 

@@ -41,6 +41,8 @@ class PreparedRun:
     calibrated : CalibrationStart, optional
     ranges, points : Ranges, Points, optional
         Of a tightly coupled run.
+    fixes_later_s : float
+        Time by which GNSS fixes are taken later than their stamps; ``delay`` is what is left. [s]
     """
 
     imu: ImuSeries
@@ -56,6 +58,7 @@ class PreparedRun:
     calibrated: CalibrationStart | None = field(default=None, repr=False)
     ranges: Ranges | None = field(default=None, repr=False)
     points: Points | None = field(default=None, repr=False)
+    fixes_later_s: float = 0.0
 
     def run(self, progress: Progress | None = None) -> ForwardRun:
         """Run the filter forward; see :func:`schuler.filtering.engine.run`."""

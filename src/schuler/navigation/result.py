@@ -235,6 +235,16 @@ class NavigationResult(Displayed):
             arm = arm + np.column_stack([np.interp(self.trajectory.t, self.t, more[:, i]) for i in range(3)])
         return self.trajectory.moved_by(arm)
 
+    @property
+    def fixes_later_s(self) -> float:
+        """Time by which GNSS fixes are later than their stamps, as estimated at the end; zero if it is not. [s]"""
+        return float(self.parameter("delay")[-1, 0]) if "delay" in self.layout and len(self.t) else 0.0
+
+    @property
+    def fixes_moved_s(self) -> float:
+        """The part of that by which their times were moved before the run: those of the innovations are. [s]"""
+        return float(self.provenance.get("fixes_moved_s", 0.0))
+
     def smooth(self, *, keep: bool = True) -> NavigationResult:
         """The fixed-interval smoothed solution: every state uses all measurements, later ones too.
 

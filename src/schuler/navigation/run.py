@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,19 +38,12 @@ from schuler.navigation.start.calibration import CalibrationStart, configured_st
 from schuler.navigation.start.carried import carried_starts
 from schuler.navigation.start.heading import judged_start, likeliest_start
 from schuler.navigation.states import imu_spec, state_layout, white_noise_psd
-from schuler.navigation.tuning.entries import tuned_configuration
-from schuler.navigation.tuning.lever import LEVER_ESTIMATED, has_lever, with_lever
-from schuler.navigation.tuning.start import unless_refuted
-from schuler.navigation.tuning.tuning import Tuning, contradicted, slow_error_beside_stated, too_few, tune
+from schuler.navigation.tuning.automatic import supported_run
+from schuler.navigation.tuning.delay import delay_at_end, delay_note
+from schuler.navigation.tuning.tuning import Tuning, tune
 from schuler.recording.io.own import time_document
 from schuler.recording.recording import Recording
 from schuler.sensors.spec import ImuSpec
-
-#: Note on a run whose noise is its user's word although innovations speak against it.
-STATED_NOISE = (
-    "innovations contradict the noise as configured, which stays because it is stated by hand; filter.tune = true "
-    "finds noise that fits them"
-)
 
 
 def navigate(
@@ -102,31 +96,21 @@ def navigate(
     """
     config = NavigationConfig.checked(config)
     started = time.perf_counter()
-    prepared = prepared_run(recording, config, initial=initial, calibration=calibration, base=base)
-    tuned: list[str] = []
-    asked, own_start = config.filter.tune, initial is None and config.alignment.method != "given"
-    if asked is True or (asked == "auto" and contradicted(prepared)):
-        if asked == "auto" and config.noise_is_stated:
-            tuned = [STATED_NOISE, *slow_error_beside_stated(prepared)]
-        else:
-            config, prepared, tuned = _tuned(recording, config, prepared, initial, calibration, base)
-            if initial is None and config.gnss.coupling == "loose" and not config.lever_is_stated:
-                other = with_lever(config)
-                free = prepared_run(recording, other, initial=initial, calibration=calibration, base=base)
-                if has_lever(prepared, free):
-                    config, prepared, again = _tuned(recording, other, free, initial, calibration, base)
-                    tuned += [LEVER_ESTIMATED, *again]
-            if own_start:
-                prepared, refuted = unless_refuted(prepared)
-                tuned += refuted
-    elif asked == "auto" and own_start and not config.noise_is_stated and too_few(prepared):
-        prepared, tuned = unless_refuted(prepared)
+    prepare = partial(_prepared_later, recording, initial=initial, calibration=calibration, base=base)
+    asked = config
+    config, prepared, tuned = supported_run(asked, prepare, aligned=initial is None)
     noisy = noise_against_budget(prepared.imu, prepared.spec)  # before the run takes memory
     forward = prepared.run(progress=progress)
     if forward.epochs == 0 or not len(forward.rec_t):
         raise KeyboardInterrupt  # stopped before the first record
     notes, schedule = [*prepared.notes, *tuned], prepared.schedule
     notes += noisy
+    provenance = provenance_of(recording, config, prepared.spec, prepared.calibrated)
+    if config.gnss.delay_sigma_s > asked.gnss.delay_sigma_s:
+        delay, sigma = delay_at_end(forward, prepared)
+        notes.append(delay_note(delay, sigma))
+        forward.rec_est[:, prepared.layout["delay"].start - 9] += prepared.fixes_later_s
+        provenance["fixes_moved_s"] = prepared.fixes_later_s
     if prepared.calibrated is None:
         notes += axes_against_claim(
             prepared.spec, unpack_symmetric(forward.rec_P[-1:], prepared.layout.size)[0, :3, :3]
@@ -135,7 +119,6 @@ def navigate(
         ended = forward.t[-1] - recording.start
         notes.append(f"interrupted at {ended:.1f} s of the recording; the solution ends there")
     notes += rejections(schedule.kind, forward.status, schedule.t, schedule.R, forward.noise_factors)
-    provenance = provenance_of(recording, config, prepared.spec, prepared.calibrated)
     return NavigationResult.from_run(
         forward,
         schedule.t,
@@ -150,20 +133,11 @@ def navigate(
     )
 
 
-def _tuned(
-    recording: Recording,
-    config: NavigationConfig,
-    prepared: PreparedRun,
-    initial: InitialState | None,
-    calibration: CalibrationResult | Path | str | None,
-    base: Observations | Ranges | None,
-) -> tuple[NavigationConfig, PreparedRun, list[str]]:
-    """Configuration and run with tuned noise, and sentences on it; as they are if that is no better."""
-    tuning = tune(prepared, aligned=initial is None)
-    if tuning.better:
-        config = tuned_configuration(config, tuning)
-        prepared = prepared_run(recording, config, initial=initial, calibration=calibration, base=base)
-    return config, prepared, tuning.sentences()
+def _prepared_later(recording: Recording, config: NavigationConfig, fixes_later_s: float, **given: Any) -> PreparedRun:
+    """A run made ready with fixes so much later than their stamps. [s]"""
+    if recording.gnss is not None and fixes_later_s != 0.0:
+        recording = replace(recording, gnss=replace(recording.gnss, t=recording.gnss.t + fixes_later_s))
+    return replace(prepared_run(recording, config, **given), fixes_later_s=fixes_later_s)
 
 
 def prepared_run(

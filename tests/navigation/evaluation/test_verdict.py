@@ -88,11 +88,12 @@ def test_a_run_with_right_models_is_ok(seed, sections):
     assert navigate(drive(seed), config(**sections)).verdict.status == "ok"
 
 
+UNTUNED = {"filter": {"tune": False}}
 WRECKS = {
     "gyro sign": (lambda r: with_imu(r, [1, 1, -1], 1.0), {}, "failed", "axes or mounting"),
     "upside down": (lambda r: with_imu(r, [1, -1, -1], [1, -1, -1]), {}, "doubtful", "axes or mounting"),
-    "clock 1 s late": (lambda r: with_gnss(r, t=r.gnss.t + 1.0), {}, None, "clocks that differ"),
-    "clock 1 s early": (lambda r: with_gnss(r, t=r.gnss.t - 1.0), {}, None, "clocks that differ"),
+    "clock 1 s late": (lambda r: with_gnss(r, t=r.gnss.t + 1.0), UNTUNED, None, "clocks that differ"),
+    "clock 1 s early": (lambda r: with_gnss(r, t=r.gnss.t - 1.0), UNTUNED, None, "clocks that differ"),
     "imu 100 times too good": (lambda r: r, {"imu": SMALL}, "failed", "budget of the IMU"),
     "gnss 100 times too good": (lambda r: r, {"gnss": {"sigma_scale": 0.01}}, None, "times too good"),
     "gnss 3 times too good": (lambda r: r, {"gnss": {"sigma_scale": 0.33}}, None, "times too good"),
@@ -101,8 +102,7 @@ WRECKS = {
         lambda r: displaced(r, 20.0 * (np.abs(r.gnss.t - r.gnss.t[0] - 120.0) < 30.0)), {}, None, "GNSS positions jump",
     ),
     "slow gnss errors": (
-        lambda r: drive(drift_position_m=[3.0, 3.0, 5.0], drift_time_s=60.0), {"filter": {"tune": False}}, "doubtful",
-        "slow errors",
+        lambda r: drive(drift_position_m=[3.0, 3.0, 5.0], drift_time_s=60.0), UNTUNED, "doubtful", "slow errors",
     ),
 }  # fmt: skip
 

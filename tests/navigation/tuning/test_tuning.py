@@ -17,8 +17,9 @@ from schuler.filtering.measurements import POSITION, VELOCITY
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.consistency import state_errors
 from schuler.navigation.inputs.imu_noise import NO_NOISE
-from schuler.navigation.run import STATED_NOISE, navigate, prepared_run
+from schuler.navigation.run import navigate, prepared_run
 from schuler.navigation.start.heading import HEADING_CONTRADICTED
+from schuler.navigation.tuning.automatic import STATED_NOISE
 from schuler.navigation.tuning.entries import tuned_configuration
 from schuler.navigation.tuning.lever import LEVER_ESTIMATED
 from schuler.navigation.tuning.likelihood import HORIZONS, Residuals, halves, residuals_of, trials

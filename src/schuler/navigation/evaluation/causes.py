@@ -102,7 +102,10 @@ def causes(result: NavigationResult, findings: list[Finding]) -> list[str]:
 
 
 def _clock(result: NavigationResult) -> tuple[float, str] | None:
-    """Clocks that differ: velocity innovations that follow the acceleration."""
+    """Clocks that differ: velocity innovations that follow the acceleration, or its change between fixes.
+
+    Fixes late by ``tau`` are off by ``-tau a``, of which a filter that follows them has taken in that of the last one.
+    """
     own = of_kind(result.innovations, VELOCITY)
     own = own.where(np.isfinite(own.nis))
     T = result.trajectory
@@ -113,20 +116,22 @@ def _clock(result: NavigationResult) -> tuple[float, str] | None:
     v = T.v_eb_n
     at = [np.column_stack([np.interp(x, T.t, v[:, i]) for i in range(2)]) for x in (before, after)]
     a = (at[1] - at[0]) / np.maximum(after - before, 1e-9)[:, None]
-    e = own.innovation[:, :2]
+    e = own.innovation[1:, :2]
     # large innovations count by their root: a filter that was thrown off has huge ones for other reasons
-    w = 1.0 / np.maximum(np.linalg.norm(e, axis=1), own.sigma[:, :2].mean(axis=1))[:, None]
-    power = float(np.sum(w * a * a))
-    if power <= 0.0:
+    w = 1.0 / np.maximum(np.linalg.norm(e, axis=1), own.sigma[1:, :2].mean(axis=1))
+    A = np.stack((a[1:], a[:-1]), axis=-1)
+    G = np.einsum("k,kij,kil->jl", w, A, A)
+    if not np.linalg.cond(G) < 1e9:
         return None
-    tau = -float(np.sum(w * e * a)) / power
-    explained = 1.0 - float(np.sum(w * (e + tau * a) ** 2) / np.sum(w * e * e))
+    c = np.linalg.solve(G, np.einsum("k,kij,ki->j", w, A, e))
+    tau = -float(c[0])
+    explained = 1.0 - float(np.sum(w[:, None] * (e - A @ c) ** 2) / np.sum(w[:, None] * e * e))
     if abs(tau) < 0.1 or explained < 0.05:
         return None
     return (
         min(0.4 + 3.0 * explained, 0.95),
-        f"clocks that differ: velocity innovations follow the acceleration as if GNSS stamps were {abs(tau):.1g} s or "
-        f"more {'late' if tau > 0.0 else 'early'} (imu.clock_shift_s; gnss.delay_sigma_s estimates small ones)",
+        "clocks that differ: velocity innovations follow the acceleration as if GNSS stamps were some "
+        f"{abs(tau):.1g} s {'late' if tau > 0.0 else 'early'} (imu.clock_shift_s; gnss.delay_sigma_s estimates it)",
     )
 
 

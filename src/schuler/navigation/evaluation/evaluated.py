@@ -43,6 +43,8 @@ def evaluate_run(
 ) -> EvaluatedRun:
     """Compare a solution with the recording's reference, or with all its GNSS fixes where there is none.
 
+    Fixes are compared where they belong by the time offset that the run estimates, if it does.
+
     Parameters
     ----------
     recording : Recording
@@ -56,7 +58,7 @@ def evaluate_run(
     reference, at_antenna = recording.reference, False
     if reference is None and recording.gnss is not None:
         g = recording.gnss
-        reference, at_antenna = Trajectory.from_geodetic(g.t, g.llh, g.v_n), True
+        reference, at_antenna = Trajectory.from_geodetic(g.t + result.fixes_later_s, g.llh, g.v_n), True
     smoothed = result.smooth(keep=False) if smooth and result.can_smooth else None
     origin = recording.start
     numbers: dict[str, Any] = {

@@ -124,7 +124,7 @@ class Subject:
         """Type of the fix nearest to each time, none beyond two seconds; None where the receiver stated none."""
         if self.gnss is None or self.gnss.quality is None or not len(self.gnss):
             return None
-        k, distance = nearest(t, self.gnss.t)
+        k, distance = nearest(t, self.gnss.t + self.result.fixes_moved_s)
         names = np.array([QUALITY.get(int(q), f"type {q}") for q in self.gnss.quality])
         return np.where(distance < _NEAR_FIX, names[k], "none")
 
@@ -277,7 +277,7 @@ class Subject:
         """
         T, offered = self.result.trajectory, self.result.innovations.of(KINDS[POSITION])
         if self.gnss is not None:
-            t, r = self.gnss.t, frames.ecef_from_llh(self.gnss.llh)
+            t, r = self.gnss.t + self.result.fixes_moved_s, frames.ecef_from_llh(self.gnss.llh)
         elif self.reference_is_fixes and self.reference is not None:
             t, r = self.reference.t, self.reference.r_eb_e
         else:

@@ -172,8 +172,8 @@ def slow_error_beside_stated(prepared: PreparedRun) -> list[str]:
     """The same sentence for a run whose noise stays as it is stated."""
     if too_few(prepared):
         return []
-    prepared = _first_part(prepared)
-    return slow_error_left(slow_lead(prepared, _fixes(prepared)))
+    prepared = first_part(prepared)
+    return slow_error_left(slow_lead(prepared, fixes_of(prepared)))
 
 
 def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
@@ -207,11 +207,11 @@ def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
     (:func:`~schuler.navigation.tuning.slow.range_factor`) and then left. All runs begin smoothed
     (:func:`~schuler.navigation.tuning.start.with_smoothed_start`).
     """
-    prepared = _first_part(with_wander(prepared))
-    if np.any(_fixes(prepared)):
+    prepared = first_part(with_wander(prepared))
+    if np.any(fixes_of(prepared)):
         prepared = with_smoothed_start(prepared)
     terms = terms_of(prepared)
-    fixes = _fixes(prepared)
+    fixes = fixes_of(prepared)
     one, other = halves(prepared.schedule, fixes)
     count = int(epochs(prepared.schedule.where(fixes))[1].max(initial=0))
     if count < 2 * _FEWEST:
@@ -301,10 +301,10 @@ def contradicted(prepared: PreparedRun) -> bool:
     """
     if prepared.ranges is not None and not np.any(prepared.schedule.kind == RANGE_RATE):
         return False
-    prepared = _first_part(prepared)
+    prepared = first_part(prepared)
     if too_few(prepared):
         return False
-    fixes = _fixes(prepared)
+    fixes = fixes_of(prepared)
     judge = residuals_of(trials(prepared, fixes, phases=1))
     seen = judge(prepared)
     if prepared.ranges is not None and (_other_noise(prepared, judge, seen) or range_factor(prepared)[0] > 1.0):
@@ -330,7 +330,7 @@ def contradicted(prepared: PreparedRun) -> bool:
 
 def too_few(prepared: PreparedRun) -> bool:
     """Whether a run has too few fixes to tune its noise."""
-    return int(epochs(prepared.schedule.where(_fixes(prepared)))[1].max(initial=0)) < 2 * _FEWEST
+    return int(epochs(prepared.schedule.where(fixes_of(prepared)))[1].max(initial=0)) < 2 * _FEWEST
 
 
 def _other_noise(prepared: PreparedRun, judge: Callable[[PreparedRun], Residuals], seen: Residuals) -> bool:
@@ -357,22 +357,22 @@ def likelier(prepared: PreparedRun, other: PreparedRun) -> bool:
     -----
     By two standard errors, which stretches of the log give; both runs begin smoothed.
     """
-    prepared, other = (with_smoothed_start(_first_part(run)) for run in (prepared, other))
+    prepared, other = (with_smoothed_start(first_part(run)) for run in (prepared, other))
     later = max(prepared.initial.nav.t, other.initial.nav.t)
     prepared, other = (replace(run, schedule=run.schedule.where(run.schedule.t > later)) for run in (prepared, other))
-    tests = trials(prepared, *halves(prepared.schedule, _fixes(prepared)), phases=1)
+    tests = trials(prepared, *halves(prepared.schedule, fixes_of(prepared)), phases=1)
     if not tests:
         return False
     judged = residuals_of(tests)
     return proven(judged(prepared), judged(other))
 
 
-def _fixes(prepared: PreparedRun) -> BoolArray:
+def fixes_of(prepared: PreparedRun) -> BoolArray:
     """Measurements that tune: those a filter would use."""
     return np.isin(prepared.schedule.kind, TUNING_KINDS) & (prepared.schedule.gate > 0.0)
 
 
-def _first_part(prepared: PreparedRun) -> PreparedRun:
+def first_part(prepared: PreparedRun) -> PreparedRun:
     """The run cut to the longest stretch that tuning uses."""
     start = prepared.initial.nav.t
     if prepared.increments.t[-1] - start <= _LONGEST:

@@ -1,0 +1,153 @@
+"""Noise, lever arm and time offset that a log supports, where its configuration does not state them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple, TypeAlias
+
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.prepared import PreparedRun
+from schuler.navigation.tuning.delay import (
+    evidences,
+    is_apart,
+    is_borne_out,
+    is_same,
+    is_suspected,
+    may_have_delay,
+    placed,
+    with_delay,
+)
+from schuler.navigation.tuning.entries import tuned_configuration
+from schuler.navigation.tuning.lever import LEVER_ESTIMATED, has_lever, with_lever
+from schuler.navigation.tuning.search import proven
+from schuler.navigation.tuning.start import unless_refuted
+from schuler.navigation.tuning.tuning import contradicted, slow_error_beside_stated, too_few, tune
+
+#: Note on a run whose noise is its user's word although innovations speak against it.
+STATED_NOISE = (
+    "innovations contradict the noise as configured, which stays because it is stated by hand; filter.tune = true "
+    "finds noise that fits them"
+)
+
+#: Makes a run of a configuration ready, with fixes so much later than their stamps [s].
+Prepare: TypeAlias = Callable[[NavigationConfig, float], PreparedRun]
+
+
+class Supported(NamedTuple):
+    """A run, its configuration, and sentences on what was chosen."""
+
+    config: NavigationConfig
+    run: PreparedRun
+    notes: list[str]
+
+
+def supported_run(config: NavigationConfig, prepare: Prepare, *, aligned: bool) -> Supported:
+    """The run of a configuration with what its log supports where that is not stated.
+
+    Parameters
+    ----------
+    config : NavigationConfig
+        ``filter.tune`` says whether anything is chosen.
+    prepare : callable
+        Makes a run of a configuration ready, with fixes so much later than their stamps. [s]
+    aligned : bool
+        Whether it starts from one of its fixes.
+
+    Notes
+    -----
+    A time offset of fixes is tried first: noise tuned without it takes it in. It stays if it is far from zero beside
+    the noise tuned with it. Noise that is stated stays; an offset is estimated beside it where innovations contradict
+    the noise without the offset and no longer do with it: then it was the offset that did.
+    """
+    plain = Supported(config, prepare(config, 0.0), [])
+    if config.filter.tune is False:
+        return plain
+    doubted = config.filter.tune is True or contradicted(plain.run)
+    stated = config.filter.tune == "auto" and config.noise_is_stated
+    if stated and not doubted:
+        return plain
+    own_start = aligned and config.alignment.method != "given"
+    if aligned and (late := _with_delay(plain, prepare, doubted, own_start)) is not None:
+        return late
+    if stated:
+        return plain._replace(notes=[STATED_NOISE, *slow_error_beside_stated(plain.run)])
+    if doubted:
+        plain = _tuned(plain, prepare, aligned)
+    return _from_supported_start(plain) if own_start and (doubted or too_few(plain.run)) else plain
+
+
+def _with_delay(plain: Supported, prepare: Prepare, doubted: bool, own_start: bool) -> Supported | None:
+    """The run with a time offset of fixes and the noise beside it; None where the log shows none."""
+    config = plain.config
+    if too_few(plain.run) or not may_have_delay(config, plain.run):
+        return None
+    late = with_delay(config)
+    free = Supported(late, prepare(late, 0.0), [])
+    if not (doubted or is_suspected(free.run)):
+        return None
+    likeliest = _likeliest_with_delay(plain, free, prepare)
+    if likeliest is None:
+        return None
+    chosen = likeliest
+    if config.filter.tune is True or contradicted(likeliest.run):
+        if config.filter.tune == "auto" and config.noise_is_stated:
+            return None
+        chosen = _tuned(likeliest, prepare, aligned=True)
+    chosen = _placed(chosen, prepare)
+    if own_start:
+        chosen = _from_supported_start(chosen)
+    return chosen if is_same(likeliest.run, chosen.run) and is_apart(chosen.run) and is_borne_out(chosen.run) else None
+
+
+def _likeliest_with_delay(plain: Supported, free: Supported, prepare: Prepare) -> Supported | None:
+    """The run with a time offset, and with a lever arm too where that is likelier; None where neither is likelier.
+
+    A lever arm ahead looks like an offset at constant speed: where none is stated, both are tried with one and without.
+    """
+    free = _placed(free, prepare, evidences([free.run])[0].factors)
+    if not is_apart(free.run):
+        return None
+    if plain.config.lever_is_stated:
+        before, after = evidences([plain.run, free.run])
+        return free if proven(before.innovations, after.innovations) else None
+    arm, both = with_lever(plain.config), with_lever(free.config)
+    other = Supported(both, prepare(both, free.run.fixes_later_s), [LEVER_ESTIMATED])
+    without, with_arm, one, two = evidences([plain.run, prepare(arm, 0.0), free.run, other.run])
+    before = min(without, with_arm, key=lambda evidence: evidence.loss)
+    if proven(one.innovations, two.innovations):
+        free, one = _placed(other, prepare, two.factors), two
+    return free if proven(before.innovations, one.innovations) else None
+
+
+def _from_supported_start(given: Supported) -> Supported:
+    """The run from another start where its fixes refute the one it has."""
+    run, refuted = unless_refuted(given.run)
+    return given._replace(run=run, notes=[*given.notes, *refuted])
+
+
+def _placed(given: Supported, prepare: Prepare, factors: dict[str, float] | None = None) -> Supported:
+    """The run with fixes later than their stamps by its time offset."""
+    return given._replace(run=placed(given.run, partial(prepare, given.config), factors))
+
+
+def _tuned(given: Supported, prepare: Prepare, aligned: bool) -> Supported:
+    """The run with noise tuned, and with a lever arm if its fixes show one that nobody stated."""
+    tuned = _with_noise(given, prepare, aligned)
+    if not aligned or tuned.config.gnss.coupling != "loose" or tuned.config.lever_is_stated:
+        return tuned
+    other = with_lever(tuned.config)
+    free = prepare(other, tuned.run.fixes_later_s)
+    if not has_lever(tuned.run, free):
+        return tuned
+    return _with_noise(Supported(other, free, [*tuned.notes, LEVER_ESTIMATED]), prepare, aligned)
+
+
+def _with_noise(given: Supported, prepare: Prepare, aligned: bool) -> Supported:
+    """The run with tuned noise, and sentences on it; as it is if that is no better."""
+    tuning = tune(given.run, aligned=aligned)
+    notes = [*given.notes, *tuning.sentences()]
+    if not tuning.better:
+        return given._replace(notes=notes)
+    config = tuned_configuration(given.config, tuning)
+    return Supported(config, prepare(config, given.run.fixes_later_s), notes)

@@ -11,6 +11,7 @@ import pytest
 from schuler.exceptions import InputError
 from schuler.filtering import engine
 from schuler.filtering.engine import FilterOptions, run
+from schuler.filtering.filter_arrays import nothing_after
 from schuler.filtering.measurements import ACCEPTED, CARRIER_CHANGE, GATED, REJECTED, STATUS, merged
 from schuler.filtering.states import CLONES, StateLayout, StateModel
 from schuler.gnss.ranges import predicted_ranges
@@ -187,7 +188,7 @@ def test_smoother_equals_dense_rauch_tung_striebel(drive):
     nodes, n = forward.nodes, used.size
     (minus, plus), corrections = np.zeros((2, len(nodes.t), 9)), np.zeros((len(nodes.t), n))
     packed = np.zeros((len(nodes.t), n * (n + 1) // 2))
-    k.smooth(nodes, np.arange(len(nodes.t)), minus, plus, corrections, packed)
+    k.smooth(nodes, np.arange(len(nodes.t)), minus, plus, corrections, packed, nothing_after(n), True)
     np.testing.assert_array_equal(plus, corrections[:, :9])
     P = engine.unpack_symmetric(nodes.P, n)
     clones = np.flatnonzero(nodes.phi[:, 0] < 0.0)

@@ -12,6 +12,7 @@ from places import ROOT
 
 from schuler import frames, rotation
 from schuler.exceptions import InputError
+from schuler.filtering import engine
 from schuler.filtering.engine import FilterOptions, run, unpack_symmetric
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements
@@ -21,17 +22,49 @@ from schuler.navigation.result import NavigationResult
 from schuler.recording.series import GnssSeries
 
 
-def after_drift(case, lay):
-    """A run that readmits fixes after an outage, in which 0.6 m/s^2 acted that no state knows of."""
+def after_drift(case, lay, late=0.0):
+    """A run that readmits fixes after an outage, in which 0.6 m/s^2 acted that no state knows of.
+
+    Fixes ``late`` seconds after an epoch with a record fall between it and the next interval, which is too short.
+    """
     rng = np.random.default_rng(1)
     log, _ = cases.corrupted(case, lay, np.sqrt(lay.initial_variances()) * rng.standard_normal(lay.size - 9), rng)
     schedule = gnss_measurements(cases.fixes(case, rng), cases.LEVER).outside(((50.0, 75.0),))
     dv = log.dv_ib_b.copy()
     dv[(log.t > 50.0) & (log.t < 75.0), 1] += 0.6 * log.dt[0]
-    log = replace(log, dv_ib_b=dv)
+    log = replace(log, dv_ib_b=dv, dt=log.dt - 2.0 * late)
+    if late > 0.0:
+        schedule = replace(schedule, t=np.floor(schedule.t) + late)
     psd = np.full(3, cases.GYRO_N**2), np.full(3, cases.ACCEL_N**2)
     forward = run(log, schedule, cases.start(case, lay, rng), lay, *psd, FilterOptions(smoother=True))
     return NavigationResult.from_run(forward, schedule.t, schedule.kind, lay)
+
+
+@pytest.mark.parametrize(("epochs", "late"), [(7, 0.0), (500, 0.0), (100, 1e-4)])
+def test_a_long_run_is_smoothed_in_parts_to_the_last_bit(drive_case, monkeypatch, epochs, late):
+    """A day's nodes are kept a part at a time. Here with ends at fixes, between them, before them and where P was
+    enlarged; in the last case updates of a part's last node are in the next part.
+    """
+    lay = cases.StateLayout({"b_a": cases.StateModel.gauss_markov(0.03, 200.0), "b_g": cases.StateModel.constant(1e-3)})
+    once = after_drift(drive_case, lay, late)
+    monkeypatch.setattr(engine, "_CHUNK", epochs)
+    monkeypatch.setattr(engine, "_NODE_BYTES", 1)
+    parts = after_drift(drive_case, lay, late)
+    shared = [nodes.upd[0] for _, begins, nodes in parts._nodes.backwards() if not begins]
+    assert any(shared) == (late > 0.0)
+    assert len(parts._nodes._parts) == -(-parts.epochs // epochs)
+    assert parts.propagations == once.propagations
+    for a, b in zip(once._nodes, parts._nodes.whole(), strict=True):
+        np.testing.assert_array_equal(a, b)
+    expected = once.smooth()
+    for keep in (True, True, False):  # again, when all parts but the first must be filtered again
+        got = parts.smooth(keep=keep)
+        for name in ("q_eb", "v_eb_e", "r_eb_e"):
+            np.testing.assert_array_equal(getattr(got.trajectory, name), getattr(expected.trajectory, name))
+            np.testing.assert_array_equal(getattr(got.states, name), getattr(expected.states, name))
+        np.testing.assert_array_equal(got.parameters, expected.parameters)
+        np.testing.assert_array_equal(got.covariance_e, expected.covariance_e)
+    assert not parts.can_smooth
 
 
 @pytest.mark.parametrize("readmitted", [False, True])

@@ -15,6 +15,7 @@ from schuler.filtering.engine import FilterOptions, run
 from schuler.filtering.filter_arrays import SmootherNodes
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import DIMENSIONS, RESET_KINDS, MeasurementSchedule
+from schuler.filtering.node_parts import whole_nodes
 from schuler.filtering.states import BLOCKS, StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import Increments
@@ -257,4 +258,4 @@ def _leg(
     done = run(increments, schedule, initial, layout, np.zeros(3), np.zeros(3), options)
     if done.nodes is None or not done.complete:
         raise KeyboardInterrupt
-    return done.nodes, done.status == 1
+    return whole_nodes(done.nodes), done.status == 1

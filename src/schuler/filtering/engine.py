@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ from schuler.filtering.filter_arrays import (
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.limits import MAX_STATES, PLACES
 from schuler.filtering.measurements import KINDS, POSITION, RESET_KINDS, VELOCITY, MeasurementSchedule
+from schuler.filtering.node_parts import NodeParts, Part
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import Increments
@@ -40,6 +42,7 @@ from schuler.recording.series import Increments
 Progress = Callable[[float], None]
 
 _CHUNK = 200_000  # epochs between two signs of progress, about a tenth of a second
+_NODE_BYTES = 1 << 28  # nodes that are kept at a time; to filter a part again costs a hundredth of what a day does
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,7 +272,7 @@ class ForwardRun:
     epochs: int
     propagations: int
     complete: bool
-    nodes: SmootherNodes | None = field(default=None, repr=False)
+    nodes: SmootherNodes | NodeParts | None = field(default=None, repr=False)
     noise_factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
@@ -322,7 +325,6 @@ def run(
     state = FilterState(initial, layout, gyro_psd, accel_psd, options, float(np.median(increments.dt)))
     in_span = (schedule.t >= increments.start - 1e-9) & (schedule.t <= increments.t[-1] + 1e-9)
     used = schedule.where(in_span)
-    M = len(used)
     if options.smoother and np.isin(used.kind, RESET_KINDS).any():
         raise InputError("a run with resets has no memory to smooth over: smoother=False (filter.smooth = false)")
     every = state.settings.output_every
@@ -332,33 +334,48 @@ def run(
     if every == 1 and increments.t.flags.writeable:
         out = out._replace(t=increments.t)  # the same numbers: of a day at 200 Hz 140 MB
     rec = RecordArrays.of_size(n_rec, n)
-    keeps = _most_nodes(increments, state, M, n_rec), M
-    node = NodeArrays.of_size(*(keeps if options.smoother else (0, 0)), n, layout.n_sensor)
+    edges, keeps = _parts(increments, state, used.t, n_rec) if options.smoother else ([0, N], (0, 0))
+    node = NodeArrays.of_size(*keeps, n, layout.n_sensor)
     dtheta, dv, dt, t = (
         np.ascontiguousarray(x) for x in (increments.dtheta_ib_b, increments.dv_ib_b, increments.dt, increments.t)
     )
-    complete = True
-    try:
-        for first in range(0, N, _CHUNK):
-            part = slice(first, min(first + _CHUNK, N))
+
+    def filter_epochs(first: int, stop: int, out: TrajectoryArrays, rec: RecordArrays) -> None:
+        for start in range(first, stop, _CHUNK):
+            part = slice(start, min(start + _CHUNK, stop))
             stream = ImuStream(dtheta[part], dv[part], dt[part], t[part], part.stop == N)
             k.run_filter(stream, aiding, state.arrays, state.model, state.settings, state.work, out, rec, node)
-            if progress is not None:
+            if progress is not None and len(out.t):
                 progress(part.stop / N)
+
+    complete, parts, cnt, carried = True, [], state.arrays.counts, (*state.arrays, *state.work)
+    try:
+        for first, stop in pairwise(edges):
+            if first > 0:
+                cnt[k.CNT_NODE], cnt[k.CNT_UPD], node.upd[0] = 1, 0, 0
+            begun, flushed = tuple(x.copy() for x in carried), int(cnt[k.CNT_FLUSH])
+            filter_epochs(first, stop, out, rec)
+            parts.append(Part(first, stop, begun, int(cnt[k.CNT_NODE]), int(cnt[k.CNT_UPD])))
+            if options.smoother and parts[-1].nodes <= int(cnt[k.CNT_FLUSH]) - flushed:
+                raise DivergenceError(
+                    "the filter diverged: its attitude turns far more than the gyroscopes' readings do. Check units "
+                    "and axes of the log, and that the specification of the IMU allows for its errors"
+                )
     except KeyboardInterrupt:
         complete = False
-    cnt = state.arrays.counts
     everywhere = np.zeros(len(schedule), dtype=np.int64)
     everywhere[in_span] = aiding.status
-    nodes = None
+    nodes: SmootherNodes | NodeParts | None = None
     if options.smoother and complete:
-        a, u = int(cnt[k.CNT_NODE]), int(cnt[k.CNT_UPD])
-        if a <= int(cnt[k.CNT_FLUSH]):
-            raise DivergenceError(
-                "the filter diverged: its attitude turns far more than the gyroscopes' readings do. Check units and "
-                "axes of the log, and that the specification of the IMU allows for its errors"
-            )
-        nodes = smoother_nodes(node, a, u, state)
+        nodes = smoother_nodes(node, parts[-1].nodes, parts[-1].updates, state)
+        if len(parts) > 1:
+            none = TrajectoryArrays.of_size(0), RecordArrays.of_size(1, n)  # there is one, so that records are due
+
+            def again(first: int, stop: int) -> None:
+                node.upd[0] = 0
+                filter_epochs(first, stop, *none)
+
+            nodes = NodeParts(parts, n, carried, again, lambda a, u: smoother_nodes(node, a, u, state))
     o, c = int(cnt[k.CNT_OUT]), int(cnt[k.CNT_REC])
     return ForwardRun(
         t=out.t[:o], q=out.q[:o], v=out.v[:o], r=out.r[:o],
@@ -382,14 +399,33 @@ def smoother_nodes(node: NodeArrays, nodes: int, updates: int, state: FilterStat
     )  # fmt: skip
 
 
-def _most_nodes(increments: Increments, state: FilterState, updates: int, records: int) -> int:
+def _parts(
+    increments: Increments, state: FilterState, t_used: FloatArray, records: int
+) -> tuple[list[int], tuple[int, int]]:
+    """Edges of the parts [epochs] whose nodes are kept at a time, and the most nodes and updates of any of them."""
+    N, n = len(increments), state.layout.size
+    turned = np.linalg.norm(increments.dtheta_ib_b, axis=1)
+    size = 8 * (n * (n + 1) // 2 + 9 * state.layout.n_sensor + 13)
+    bytes_ = size * _most_nodes(increments.dt, turned, state, len(t_used), records)
+    step = max(int(_NODE_BYTES / bytes_ * N) // _CHUNK, 1) * _CHUNK if bytes_ > _NODE_BYTES else N
+    edges = [*range(0, N, step), N]
+    # as the filter takes them, in the first part with those before the start
+    updates = np.diff(np.searchsorted(t_used, increments.t[[e - 1 for e in edges[1:]]] + 1e-9, "right"), prepend=0)
+    most = 0
+    for first, stop, count in zip(edges, edges[1:], updates.tolist(), strict=False):
+        part, span = slice(first, stop), increments.t[stop - 1] - increments.t[first]
+        due = int(span / state.options.record_s) + 3
+        most = max(most, _most_nodes(increments.dt[part], turned[part], state, count, due) + 1)
+    return edges, (most, int(updates.max()))
+
+
+def _most_nodes(dt: FloatArray, turned: FloatArray, state: FilterState, updates: int, records: int) -> int:
     """Propagations and enlarged covariances that a run can need at most, unless its estimates go wild."""
-    options, N = state.options, len(increments)
-    turned = float(np.linalg.norm(increments.dtheta_ib_b, axis=1).sum())
-    count = N // state.settings.every + 2 * updates + records + int(2.0 * turned / options.flush_angle) + 4
+    options, N = state.options, len(dt)
+    count = N // state.settings.every + 2 * updates + records + int(2.0 * turned.sum() / options.flush_angle) + 4
     count = min(count, N + 2 * updates + 2)
     if options.gap_s is not None:
-        count += 2 * int(np.sum(increments.dt > options.gap_s))
+        count += 2 * int(np.sum(dt > options.gap_s))
     return count
 
 

@@ -206,6 +206,11 @@ class SmootherNodes(NamedTuple):
     omega: float
 
 
+def nothing_after(n: int) -> FloatArray:
+    """What the smoother carries backwards, at the end of a run of n states. Shape (n + 2, PAD)."""
+    return np.zeros((n + 2, MAX_STATES))
+
+
 def aligned(*shape: int) -> FloatArray:
     """Zeros that begin on a cache line, as vectors of eight numbers like it."""
     size = int(np.prod(shape))

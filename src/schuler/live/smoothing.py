@@ -6,7 +6,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.filtering.engine import smoother_nodes, unpack_symmetric
-from schuler.filtering.filter_arrays import NodeArrays, TrajectoryArrays
+from schuler.filtering.filter_arrays import NodeArrays, TrajectoryArrays, nothing_after
 from schuler.live.replay import ReplayFilter, copied
 from schuler.mechanization.strapdown import NavState
 
@@ -63,7 +63,7 @@ def smoothed(run: ReplayFilter, lag_s: float) -> tuple[NavState, FloatArray] | N
     record[k] = 0
     minus, plus, dx, packed = np.empty((a, 9)), np.empty((a, 9)), np.empty((1, n)), np.empty((1, n * (n + 1) // 2))
     backward.prepare_smoother()
-    backward.smooth(nodes, record, minus, plus, dx, packed)
+    backward.smooth(nodes, record, minus, plus, dx, packed, nothing_after(n), True)
     t_row, q, v, r = (x[row : row + 1].copy() for x in out)
     backward.apply_corrections(t_row, q, v, r, nodes.t.copy(), minus, plus)
     return NavState(float(t_row[0]), r[0], v[0], q[0]), unpack_symmetric(packed, n)[0]

@@ -18,6 +18,7 @@ from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.filter_arrays import SmootherNodes
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import ACCEPTED, CLONE, DIMENSIONS, FORCED, GATED, KINDS, REJECTED, STATUS, UNUSED
+from schuler.filtering.node_parts import NodeParts
 from schuler.filtering.states import BLOCK_TEXT, StateLayout
 from schuler.mechanization.strapdown import NavState
 from schuler.plotting.notebook import Displayed
@@ -157,7 +158,7 @@ class NavigationResult(Displayed):
     notes: tuple[str, ...] = ()
     ranges: Ranges | None = field(default=None, repr=False, compare=False)
     points: PointSolution | None = field(default=None, repr=False, compare=False)
-    _nodes: SmootherNodes | None = field(default=None, repr=False, compare=False)
+    _nodes: SmootherNodes | NodeParts | None = field(default=None, repr=False, compare=False)
 
     @classmethod
     def from_run(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from schuler import rotation
 from schuler.arrays import FloatArray
 from schuler.filtering.engine import unpack_symmetric
+from schuler.filtering.node_parts import smooth_nodes
 from schuler.recording.trajectory import KEPT, FullTrajectory
 
 if TYPE_CHECKING:
@@ -44,21 +45,11 @@ def smooth_run(
     Corrections are computed at every propagation (10 Hz by default) and interpolated linearly between; over 0.1 s that
     leaves ``a dt^2 / 8`` of the difference of two accelerations, micrometres.
     """
-    from schuler.filtering.kernels import smoother as k
-
-    k.prepare_smoother()
-    nodes = result._nodes
+    nodes, shown = result._nodes, result.layout.size
     assert nodes is not None
     if not keep:
         object.__setattr__(result, "_nodes", None)
-    n, shown, n_nodes = nodes.W.shape[2], result.layout.size, len(nodes.t)
-    at = np.searchsorted(nodes.t, result.t + 1e-9) - 1  # the last of a time: a covariance enlarged there has two
-    record = np.full(n_nodes, -1, dtype=np.int64)
-    record[at] = np.arange(len(at))
-    minus, plus = np.empty((n_nodes, 9)), np.empty((n_nodes, 9))
-    dx, packed = np.empty((len(result.t), n)), np.empty((len(result.t), n * (n + 1) // 2))
-    k.smooth(nodes, record, minus, plus, dx, packed)
-    t_nodes = nodes.t.copy()
+    t_nodes, minus, plus, dx, packed = smooth_nodes(nodes, result.t)
     del nodes
     states = result.states
     trajectory: FullTrajectory = CorrectedTrajectory(result.trajectory, t_nodes, minus, plus)

@@ -15,6 +15,7 @@ from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.filter_arrays import SmootherNodes
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import RESET_KINDS, MeasurementSchedule
+from schuler.filtering.node_parts import whole_nodes
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.result import NavigationResult
@@ -144,9 +145,9 @@ def result_system(
     ``I - W G'``, by which they are whitened. Corrections of the state act on later transitions, as in the filter
     itself.
     """
-    nodes = result._nodes
-    if nodes is None:
+    if result._nodes is None:
         raise InputError("this run kept no transitions: navigate with filter.smooth = true, and do not smooth it first")
+    nodes = whole_nodes(result._nodes)
     n = result.layout.size
     prior = None
     if start_sigma is None:
@@ -204,9 +205,10 @@ def _along(
     done = run(increments, used, initial, still, np.zeros(3), np.zeros(3), options)
     if done.nodes is None:
         raise KeyboardInterrupt
-    if not len(done.nodes.G):
+    nodes = whole_nodes(done.nodes)
+    if not len(nodes.G):
         raise InputError("no measurement lies within the motion: there is nothing to observe with")
-    return done.nodes, schedule.R[done.status == 1]
+    return nodes, schedule.R[done.status == 1]
 
 
 def _of_nodes(

@@ -14,6 +14,8 @@ from schuler.calibration.field.noise_inflation import inflate_noise, inflated_si
 from schuler.calibration.field.problem import Problem
 from schuler.filtering.engine import unpack_symmetric
 from schuler.filtering.error_model import sensor_matrices
+from schuler.filtering.filter_arrays import nothing_after
+from schuler.filtering.node_parts import whole_nodes
 from schuler.frames import wrap_angle
 from schuler.rotation import dcm_from_quat, dcm_from_rpy
 
@@ -124,15 +126,15 @@ def smoothed_heading(problem: Problem, last: Pass) -> tuple[float, float]:
     """Heading at the start, smoothed over the complete log, and its 1-sigma. [rad]"""
     from schuler.filtering.kernels import smoother as k
 
-    nodes = last.run.nodes
-    assert nodes is not None
+    assert last.run.nodes is not None
+    nodes = whole_nodes(last.run.nodes)
     k.prepare_smoother()
     n = problem.layout.size
     record = np.full(len(nodes.t), -1, dtype=np.int64)
     record[0] = 0
     minus, plus = np.empty((len(nodes.t), 9)), np.empty((len(nodes.t), 9))
     dx, packed = np.empty((1, n)), np.empty((1, n * (n + 1) // 2))
-    k.smooth(nodes, record, minus, plus, dx, packed)
+    k.smooth(nodes, record, minus, plus, dx, packed, nothing_after(n), True)
     down = frames.C_en(problem.llh)[:, 2]
     turn = float(down @ dx[0, :3])
     P = unpack_symmetric(packed, n)[0, :3, :3]

@@ -194,8 +194,8 @@ def clone_back(phi, places, i_clock, lam, Y, J, v, t, n, wide):
 
 
 @over_states
-def smooth(nodes, record, minus, plus, rec_x, rec_P):
-    """Run backwards over all nodes.
+def smooth(nodes, record, minus, plus, rec_x, rec_P, carry, begins):
+    """Run backwards over all nodes of a run, or of a part of it.
 
     Parameters
     ----------
@@ -210,13 +210,18 @@ def smooth(nodes, record, minus, plus, rec_x, rec_P):
         Output: what to add to all states, after the updates.
     rec_P : float64[r, n (n + 1) / 2]
         Output: smoothed covariances.
+    carry : float64[n + 2, PAD]
+        Root of the information, adjoint, and sum of the updates of the last node that are known already; left as they
+        are for the part before. See ``nothing_after``.
+    begins : bool
+        The first node begins the run. If not, it is the last of the part before, and only its updates are here.
     """
     n_nodes, n_sensor, i_clock, pmod = nodes.t.shape[0], nodes.n_sensor, nodes.i_clock, nodes.pmod
     n = nodes.W.shape[2]
     m = n - 9
     wide = padded(n)
-    lam, c, inj = np.zeros(n), np.zeros(n), np.zeros(n)
-    Y, Z, E, R = np.zeros((n, PAD)), np.zeros((3, PAD)), np.zeros((n, 3)), np.zeros((3, 3))
+    Y, lam, inj, c = carry[:n], carry[n, :n], carry[n + 1, :n], np.zeros(n)
+    Z, E, R = np.zeros((3, PAD)), np.zeros((n, 3)), np.zeros((3, 3))
     v, t = np.zeros(n), np.zeros(PAD)
     Phi, A = np.zeros((9, PAD)), np.zeros((9, 9))
     D, acc, nav = np.ones(max(m, 1)), np.zeros(8), np.zeros(10)
@@ -224,8 +229,9 @@ def smooth(nodes, record, minus, plus, rec_x, rec_P):
     A[2, 2] = 1.0
     for node in range(n_nodes - 1, -1, -1):
         first = nodes.upd[node - 1] if node > 0 else 0
-        for i in range(n):
-            inj[i] = 0.0
+        if node < n_nodes - 1:
+            for i in range(n):
+                inj[i] = 0.0
         for u in range(nodes.upd[node] - 1, first - 1, -1):
             W, G, e = nodes.W[u], nodes.G[u], nodes.e[u]
             for a in range(3):
@@ -238,6 +244,8 @@ def smooth(nodes, record, minus, plus, rec_x, rec_P):
                     lam[i] -= G[a, i] * c[a]
                     inj[i] += W[a, i] * e[a]
             root_update(Y, Z, W, G, E, R, v, t, n, wide)
+        if node == 0 and not begins:
+            break
         packed = nodes.P[node]
         symv(packed, lam, c, n)
         for i in range(9):
@@ -362,7 +370,7 @@ def prepare_smoother() -> None:
     nodes = nb.types.NamedTuple((f, m, m, c, i, c, c, m, m, nb.int64, nb.int64, i, nb.float64), SmootherNodes)
     prepare(
         [
-            (smooth, (nodes, i, m, m, m, m)),
+            (smooth, (nodes, i, m, m, m, m, m, nb.boolean)),
             (apply_corrections, (f, m, m, m, f, m, m)),
         ]
     )

@@ -13,9 +13,10 @@ from navigation_messages import lnav_words, pack
 from schuler.exceptions import FileFormatError, InputError
 from schuler.gnss import messages_gps
 from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS, satellite, satellite_name
+from schuler.recording.formats import ubx
 from schuler.recording.formats.ubx import find_frames, looks_like_ubx, read_ubx, read_ubx_recording
 from schuler.recording.formats.ubx_messages import SIGNAL_OF_SIG_ID, satellite_of
-from schuler.recording.io import ReadHints
+from schuler.recording.io import ReadHints, read
 
 pytest.importorskip("pyubx2")
 
@@ -464,3 +465,22 @@ def test_the_log_is_whole(walk, shared_data):
     # a receiver that is corrected by RTK: RTKLIB's own solution is within decimetres, heights above sea level
     assert set(walk.gnss.quality.tolist()) <= {1, 2, 4}
     assert np.all(np.diff(walk.gnss.t) == pytest.approx(0.25, abs=1e-4))
+
+
+def test_a_large_file_of_something_else_is_not_read_to_its_end(tmp_path, monkeypatch):
+    """Two gigabytes took 6.4 GB and a minute."""
+    path = tmp_path / "x.ubx"
+    path.write_bytes(np.random.default_rng(1).bytes(200_000))
+    monkeypatch.setattr(ubx, "_LATEST", 100_000)
+    monkeypatch.setattr(Path, "read_bytes", None)
+    with pytest.raises(FileFormatError, match="found none in the first"):
+        read_ubx(path)
+
+
+@pytest.mark.parametrize("byte", [b"\x00", b"\xff"])
+@pytest.mark.parametrize("suffix", [".ubx", ".rtcm3", ".csv", ".mat"])
+def test_a_file_that_was_never_written_is_refused_by_its_beginning(tmp_path, byte, suffix):
+    path = tmp_path / f"x{suffix}"
+    path.write_bytes(byte * 70_000)
+    with pytest.raises(FileFormatError, match="its first 64 KiB are all the byte 0x"):
+        read(path)

@@ -29,6 +29,7 @@ from schuler.timebase import WEEK_S, TimeBase
 
 _SYNC = 0xD3
 _SUFFIXES, _HEAD = (".rtcm", ".rtcm3"), 65_536
+_LATEST = 1 << 20  # bytes in which a stream has its first frame, or it is none
 _OVERHEAD = 6  # preamble, length, three bytes of checksum
 _POLYNOMIAL = 0x1864CFB
 _USED = {"name", "series", "time"}
@@ -199,7 +200,11 @@ def read_rtcm(path: Path | str, near_gps_s: float | None = None) -> RtcmLog:
     """
     path = Path(path)
     check_file(path)
-    frames = find_frames(path.read_bytes())
+    with path.open("rb") as stream:
+        data = stream.read(_LATEST)
+        frames = find_frames(data)
+        if frames.payloads and len(data) == _LATEST:
+            frames = find_frames(data + stream.read())
     messages, notes = _decoded(frames)
     kinds = Counter(m.identity for m in messages)
     if not any(_is_observed(kind) for kind in kinds):

@@ -34,6 +34,7 @@ _SENSORS = (0x1002, 0x1003)  # ESF-MEAS, ESF-RAW
 _USED = {"name", "series"}
 SYNC = b"\xb5\x62"
 _OVERHEAD = 8  # two bytes of start, class, identifier, two of length, two of checksum
+_LATEST = 1 << 24  # bytes in which a log has its first frame, or it is none
 _NMEA = re.compile(rb"[$!][ -~]{5,250}\r\n")
 
 
@@ -95,7 +96,14 @@ def read_ubx(path: Path | str) -> UbxLog:
     to be right to some days.
     """
     path = Path(path)
-    check_file(path)
+    if not looks_like_ubx(check_file(path)):
+        with path.open("rb") as stream:  # the rest of a large file of something else would take its size several times
+            start_of_it = find_frames(stream.read(_LATEST))
+        if not start_of_it.spans and start_of_it.strange > _LATEST // 2:
+            raise FileFormatError(
+                f"expected u-blox messages, found none in the first {_LATEST >> 20} MiB: another file, or damaged",
+                path,
+            )
     frames = find_frames(path.read_bytes())
     decode, notes = decoder(), frames.notes()
     by_kind: dict[int, list[tuple[int, dict[str, Any]]]] = {RAWX: [], SFRBX: [], PVT: [], DOP: []}

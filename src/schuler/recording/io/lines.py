@@ -139,7 +139,7 @@ def check_file(path: Path) -> bytes:
     Raises
     ------
     FileFormatError
-        If there is no such file, or nothing in it.
+        If there is no such file, nothing in it, or one and the same byte throughout.
     """
     try:
         with path.open("rb") as stream:
@@ -150,6 +150,12 @@ def check_file(path: Path) -> bytes:
         raise FileFormatError(f"cannot be opened: {error.strerror or error}", path) from error
     if not head:
         raise FileFormatError("the file is empty", path)
+    if len(head) == _HEAD_BYTES and head.count(head[:1]) == len(head):
+        raise FileFormatError(
+            f"its first {_HEAD_BYTES // 1024} KiB are all the byte 0x{head[0]:02X}: its place was kept and nothing "
+            "written, or it is damaged; copy it from the logger again",
+            path,
+        )
     return head
 
 

@@ -192,23 +192,10 @@ class CalibrationStart:
 
         Notes
         -----
-        Like :meth:`InitialState.aligned`, with scale factors, cross-coupling and g-sensitivity: at rest they act as
-        biases do, and a calibration may know the sum much better than its parts.
+        :meth:`InitialState.aligned` with the covariance of the calibration, which may know the sum of errors that act
+        alike at rest much better than its parts.
         """
-        start = self.put_into(initial)
-        columns = rest_columns(start, alignment.C_nb, layout)
-        A = -(alignment.psi_gyro @ columns[0] + alignment.psi_accel @ columns[1])
-        P = start.P.copy()
-        P_p = P[9:, 9:]
-        P[:3, :3] = alignment.cov_noise_n + A @ P_p @ A.T
-        P[:3, 3:9], P[:3, 9:] = 0.0, A @ P_p
-        P[3:, :3] = P[:3, 3:].T
-        for block, psi, sigma in (
-            ("b_a", alignment.psi_accel, alignment.sigma_b_a), ("b_g", alignment.psi_gyro, alignment.sigma_b_g),
-        ):  # fmt: skip
-            if block not in layout:
-                P[:3, :3] += sigma**2 * psi @ psi.T
-        return InitialState(start.nav, P, start.parameters)
+        return self.put_into(initial).aligned(alignment, layout)
 
     def _parameters(self, layout: StateLayout) -> FloatArray:
         parameters = np.zeros(layout.size - 9)

@@ -295,7 +295,7 @@ def test_damaged_files_are_refused(town, tmp_path):
     path = live_run(town[2]).save(tmp_path / "live.json")
     good = path.read_bytes()
     rng = np.random.default_rng(0)
-    bad = [b"", good[:50], good[:-20], b"\xff\xfe\x00", b"[]\n[]", good.replace(b"navigator/1", b"navigator/2")]
+    bad = [b"", good[:50], good[:-20], b"\xff\xfe\x00", b"[]\n[]", good.replace(b"navigator/2", b"navigator/3")]
     bad += [good[:i] + bytes([good[i] ^ 1]) + good[i + 1 :] for i in rng.integers(0, len(good) - 1, 40)]
     for content in bad:
         path.write_bytes(content)
@@ -312,7 +312,7 @@ def test_a_file_with_other_content_is_refused(town, tmp_path):
     content = json.loads(path.read_text().splitlines()[1])
     content["arrays"]["est"]["shape"] = [2, 3]
     text = json.dumps(content)
-    head = json.dumps({"format": "schuler/navigator/1", "sha256": hashlib.sha256(text.encode()).hexdigest()})
+    head = json.dumps({"format": "schuler/navigator/2", "sha256": hashlib.sha256(text.encode()).hexdigest()})
     path.write_text(f"{head}\n{text}\n")
     with pytest.raises(FileFormatError, match=r"holds no navigator: est: expected shape \(6,\)"):
         Navigator.load(path)

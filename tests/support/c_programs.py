@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-SOURCES = ("mechanization.c", "covariance.c", "update.c", "gate.c", "filter.c", "schuler_config.c")
+SOURCES = ("mechanization.c", "covariance.c", "update.c", "axes.c", "gate.c", "filter.c", "schuler_config.c")
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-Wdouble-promotion", "-ffp-contract=off")
 
 

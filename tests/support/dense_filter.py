@@ -3,12 +3,16 @@
 import numpy as np
 
 from schuler.filtering.engine import unpack_symmetric
+from schuler.observability.filter_system import change_of_axes
 
 
 def dense_transition(nodes, j, n):
     """Phi of node j from what the filter kept of it: sensor columns, decay, and the clock's shear after it."""
     from schuler.filtering.kernels import covariance as k
+    from schuler.filtering.kernels.axes import TURNED
 
+    if nodes.phi[j, 0] == TURNED:
+        return change_of_axes(nodes.B[j], n)
     A, nav = np.zeros((9, 9)), np.zeros(10)
     A[2, 2] = 1.0
     nav[7:10] = nodes.phi[j, 8:11]

@@ -30,6 +30,11 @@ def configuration_header(design: FilterDesign, pending: int) -> str:
         ("N_ON_ATTITUDE", str(len(model.on_attitude)), "those that act on the attitude"),
         ("RESPONSE", _flag(model.response), "scale factors, misalignments or g-sensitivities are estimated"),
         ("CROSS", _flag(model.cross), "g-sensitivities are"),
+        (
+            "FREE_AXES",
+            _flag(model.free_axes),
+            "cross-couplings of both triads are: nothing says what the body axes are",
+        ),
         *((f"AT_{name.upper()}", str(at[name]), "first state of the block, -1 if not estimated") for name in _BLOCKS),
         ("EVERY", str(settings.every), f"samples to a propagation of the covariance, at {1 / design.interval_s:g} Hz"),
         ("FLUSH_ANGLE", _number(settings.flush_angle), "turned angle that forces one [rad]"),

@@ -160,6 +160,7 @@ class FilterState:
             sens=np.zeros(33),
             acc=np.zeros(8),
             moment=np.zeros(3),
+            before=np.zeros(n - 4),
             past=np.zeros((self.settings.every + 2, N_PAST)),
             history=np.zeros(14),
             times=np.array([nav.t, nav.t + options.record_s]),
@@ -230,6 +231,7 @@ def filter_model(layout: StateLayout, gyro_psd: ArrayLike, accel_psd: ArrayLike,
         n_sensor=layout.n_sensor,
         response=any(name[0] in "SMG" for name in layout.models),
         cross=cross,
+        free_axes="M_a6" in layout and "M_g" in layout,
         omega=earth.WGS84.omega_ie if earth_rotation else 0.0,
     )
 
@@ -423,7 +425,7 @@ def _most_nodes(dt: FloatArray, turned: FloatArray, state: FilterState, updates:
     """Propagations and enlarged covariances that a run can need at most, unless its estimates go wild."""
     options, N = state.options, len(dt)
     count = N // state.settings.every + 2 * updates + records + int(2.0 * turned.sum() / options.flush_angle) + 4
-    count = min(count, N + 2 * updates + 2)
+    count = min(count, N + 2 * updates + 2) + updates * state.model.free_axes
     if options.gap_s is not None:
         count += 2 * int(np.sum(dt > options.gap_s))
     return count

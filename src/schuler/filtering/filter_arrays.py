@@ -62,6 +62,7 @@ class Model(NamedTuple):
     n_sensor: int
     response: bool  # scale factors, misalignments or g-sensitivities are estimated
     cross: bool  # g-sensitivities are: accelerometer errors act on the attitude
+    free_axes: bool  # cross-couplings of both triads are: the body axes are free, see kernels.axes
     omega: float  # Earth rate [rad/s]
 
 
@@ -89,6 +90,7 @@ class FilterArrays(NamedTuple):
     sens: FloatArray  # (33,) estimated sensor errors
     acc: FloatArray  # (8,) transition accumulated since the last propagation
     moment: FloatArray  # (3,) velocity increments times mid time
+    before: FloatArray  # (5 + m,) 1 after an update, and attitude and parameters before it, see kernels.axes
     past: FloatArray  # (every + 2, N_PAST) intervals since the last propagation
     history: FloatArray  # (14,) two previous increments and their durations
     times: FloatArray  # (2,) of the state, of the next record [s]

@@ -41,7 +41,7 @@ from schuler.recording.series import Kind
 from schuler.timebase import TimeBase
 
 #: Format and version of the files of :meth:`LiveNavigator.save`.
-STATE_FORMAT = "schuler/live/3"
+STATE_FORMAT = "schuler/live/4"
 
 
 class LiveNavigator:

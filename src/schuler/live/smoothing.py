@@ -53,7 +53,7 @@ def smoothed(run: ReplayFilter, lag_s: float) -> tuple[NavState, FloatArray] | N
     first, n, n_sensor = int(np.searchsorted(t, arrays.times[0], side="right")), state.layout.size, state.model.n_sensor
     count, updates = len(t) - first, len(run.aiding.t)
     out = TrajectoryArrays.of_size(count)
-    node = NodeArrays.of_size(count + 2 * updates + 2, updates, n, n_sensor)
+    node = NodeArrays.of_size(count + (2 + state.model.free_axes) * updates + 2, updates, n, n_sensor)
     run.run_again(arrays, first, out, node)
     a, u = int(arrays.counts[forward.CNT_NODE]), int(arrays.counts[forward.CNT_UPD])
     nodes = smoother_nodes(node, a, u, state)

@@ -13,7 +13,7 @@ import numpy as np
 from schuler.exceptions import FileFormatError
 from schuler.files import write_text
 
-NAVIGATOR_FORMAT = "schuler/navigator/1"
+NAVIGATOR_FORMAT = "schuler/navigator/2"
 _LARGEST = 200_000_000  # bytes
 
 

@@ -216,14 +216,18 @@ def _of_nodes(
 ) -> tuple[LinearSystem, FloatArray]:
     """System and places of its nodes; ``R`` is the covariance of the rows, None for those of a filter's own run."""
     from schuler.filtering.kernels import covariance as k
+    from schuler.filtering.kernels.axes import TURNED
 
     n, count = layout.size, len(nodes.t)
     decay = layout.dynamics()[:, 0] if n > 9 else np.zeros(0)
     step = np.broadcast_to(np.eye(n), (count, n, n)).copy()
     A, nav = np.zeros((9, 9)), np.zeros(10)
     A[2, 2] = 1.0
+    change = np.eye(n)  # after the measurements of a node: a part of the next transition
     for i in range(count):
         acc = np.ascontiguousarray(nodes.phi[i, :8])
+        if acc[0] == TURNED:
+            change = change_of_axes(nodes.B[i], n) @ change
         if not acc[0] > 0.0:
             continue
         nav[7:10] = nodes.phi[i, 8:11]
@@ -235,6 +239,8 @@ def _of_nodes(
         step[i, range(9, n), range(9, n)] = np.exp(-x)
         if nodes.i_clock >= 0:
             step[i, nodes.i_clock, nodes.i_clock + 1] = acc[0]
+        step[i] = step[i] @ change
+        change = np.eye(n)
     G = np.array(nodes.G[:, :, :n])
     if R is None:  # what is left of the unit covariance of innovations is the measurement's own
         R = np.eye(3) - nodes.W[:, :, :n] @ np.swapaxes(G, 1, 2)
@@ -261,6 +267,16 @@ def _whitened(H: FloatArray, R: FloatArray) -> FloatArray:
         root = vectors / np.sqrt(np.maximum(values, floor))
         out[i, :used] = root @ vectors.T @ rows[:used]
     return out
+
+
+def change_of_axes(B: FloatArray, n: int) -> FloatArray:
+    """Matrix J of a node at which updates turned the body axes, see ``filtering.kernels.axes``. Shape (n, n)."""
+    from schuler.filtering.kernels.axes import IN_L, TILT, TURN, VERTICAL
+
+    D, L, parameters = np.zeros((n, 3)), np.zeros((3, n)), slice(9, 9 + B.shape[1])
+    D[:3], D[parameters] = B[TURN, :9].reshape(3, 3), B[:3].T
+    L[:, :3], L[:, parameters] = B[TILT, :9].reshape(3, 3), np.outer(B[VERTICAL, :3], B[IN_L])
+    return np.asarray(np.eye(n) + D @ L)
 
 
 def _merged(

@@ -119,6 +119,7 @@ static int update(sch_state *s, const sch_measurement *m, sch_outcome *outcome)
     outcome->nis = sch_innovate(s, s->work.R, d);
     outcome->status = sch_judge(s, m->kind, m->t, outcome->nis, d, m->gate);
     if (outcome->status != SCH_REJECTED) {
+        sch_keep_axes(s);
         sch_correct(s, d);
         sch_spread_estimates(s->est, s->sens);
     } else if (!(outcome->nis >= 0)) {
@@ -160,6 +161,7 @@ int sch_imu(sch_state *s, double t, const sch_real dtheta_ib_b[3], const sch_rea
         }
         if (s1 > s0) {
             const sch_real *piece = s->work.poly;
+            sch_turn_axes(s);
             if (s0 > 0 || s1 < K(1.0)) {
                 sch_cut_interval(s->work.part, s->work.poly, s0, s1);
                 piece = s->work.part;

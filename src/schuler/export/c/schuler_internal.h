@@ -63,6 +63,10 @@ void sch_spread_estimates(const sch_real *est, sch_real sens[33]);
 void sch_compensate(sch_real poly[18], const sch_real raw[18], const sch_real sens[33], sch_real h);
 void sch_propagate(sch_state *s, const sch_real psd[6]);
 
+/* axes.c */
+void sch_keep_axes(sch_state *s);
+void sch_turn_axes(sch_state *s);
+
 /* update.c */
 void sch_ned_axes(const double r[3], sch_real U[3][3]);
 int sch_measurement_rows(sch_state *s, const sch_measurement *m);

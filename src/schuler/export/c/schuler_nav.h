@@ -108,6 +108,8 @@ typedef struct {
     sch_real past[SCH_EVERY + 2][SCH_N_PAST]; /* intervals since the last propagation */
     int n_past, n_since;
     sch_real before[6], earlier[6], h1, h2;   /* the two increments before this */
+    int corrected;                            /* since the last sample; attitude and parameters before that: */
+    sch_real kept_q[4], kept_est[SCH_LEN_PARAMETERS];
     sch_real reg[7];                          /* integrals of time, force and rate over the present interval */
     sch_fix_memory fix[2];                    /* position, velocity */
     int rejections[SCH_N_KINDS];

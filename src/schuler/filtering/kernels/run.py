@@ -20,6 +20,7 @@ from schuler.filtering.filter_arrays import (
     Workspace,
 )
 from schuler.filtering.kernels.accumulation import parameter_columns, regressor_integrals, store_interval
+from schuler.filtering.kernels.axes import TURNED, turn_axes
 from schuler.filtering.kernels.covariance import add_clock_drift, add_half_noise, decay, flush
 from schuler.filtering.kernels.gate import ACCEPTED, FORCED, GATED, R_SCALE, REJECTED, USED_AT, judge
 from schuler.filtering.kernels.sensor_errors import compensate, spread_estimates
@@ -35,6 +36,7 @@ from schuler.filtering.kernels.update import (
     correct,
     innovate,
     measurement_rows,
+    ned_axes,
     reset,
 )
 from schuler.jit import borrowing, inlined, prepare, prepare_beside
@@ -167,6 +169,42 @@ def keep_clone(P, nav, acc, L0, L1, L2, B, t, cnt, nodes):
 
 
 @inlined
+def keep_before(state):
+    """Keep attitude and parameters before the first update of a time."""
+    before, nav, est = state.before, state.nav, state.est
+    if before[0] == 0.0:
+        before[0] = 1.0
+        for i in range(4):
+            before[1 + i] = nav[i]
+        for i in range(est.shape[0]):
+            before[5 + i] = est[i]
+
+
+@inlined
+def turn(state, model, work, t, nodes):
+    """Carry the covariance to the axes of corrected estimates; to the smoother it is a node of its own."""
+    before, nav, est = state.before, state.nav, state.est
+    before[0] = 0.0
+    turned = False
+    for i in range(4):
+        turned = turned or before[1 + i] != nav[i]
+    for i in range(est.shape[0]):
+        turned = turned or before[5 + i] != est[i]
+    if not turned:  # a filter without uncertainty, from which rows of H are taken
+        return
+    ned_axes(nav, work.U)
+    turn_axes(
+        state.P, nav, est, before[1:5], before[5:], work.U[2], model.table, model.n_sensor, state.sens, work.M,
+        work.sums[0], work.B, work.W,
+    )  # fmt: skip
+    if nodes.t.shape[0] > 0:
+        state.acc[0] = TURNED
+        keep_node(state.P, nav, state.acc, work.B, t, state.counts, nodes)
+        state.acc[0] = 0.0
+        state.counts[CNT_FLUSH] += 1
+
+
+@inlined
 def update_clone(j, aiding, state, model, work, nodes):
     """Clone the state for the carrier phases of the next epoch."""
     L0, L1, L2 = clone(state.P, state.nav, state.est, aiding.lever[j], model.places, work.H, work.W)
@@ -208,6 +246,8 @@ def update(j, aiding, state, model, settings, work, nodes):
     if status == FORCED and nodes.t.shape[0] > 0:
         keep_enlarged(P, nav, state.acc, work.B, aiding.t[j], cnt, nodes)
     if status != REJECTED:
+        if model.free_axes:
+            keep_before(state)
         correct(P, nav, est, W, e, d, work.dx)
         spread_estimates(est, model.table, model.n_sensor, work.M, sens)
         if nodes.t.shape[0] > 0:
@@ -278,6 +318,8 @@ def run_filter(stream, aiding, state, model, settings, work, trajectory, records
                 if s1 > 1.0 - 1e-6:
                     s1 = 1.0
             if s1 > s0:
+                if state.before[0] != 0.0:
+                    turn(state, model, work, state.times[0] if s0 == 0.0 else aiding.t[j - 1], nodes)
                 piece = poly
                 if s0 > 0.0 or s1 < 1.0:
                     cut_interval(part, poly, s0, s1)
@@ -350,8 +392,8 @@ def prepare_filter() -> None:
                 (
                     of(ImuStream, m, m, f, f, yes),
                     of(Aiding, f, k, m, m, m, f, k, f, m, m),
-                    of(FilterArrays, f, f, m, f, f, f, m, f, f, k, m, f, m),
-                    of(Model, km, m, k, k, f, i, yes, yes, x),
+                    of(FilterArrays, f, f, m, f, f, f, f, m, f, f, k, m, f, m),
+                    of(Model, km, m, k, k, f, i, yes, yes, yes, x),
                     of(Settings, i, x, x, i, i, x, yes, x, x, x),
                     of(Workspace, m, m, f, f, m, m, m, m, f, f, c, f, c, m, m, m, f, f, m, m, m, f, f),
                     of(TrajectoryArrays, f, m, m, m),

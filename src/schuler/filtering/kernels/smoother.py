@@ -26,6 +26,7 @@ import math
 import numpy as np
 
 from schuler.filtering.filter_arrays import SmootherNodes
+from schuler.filtering.kernels.axes import TURNED, turn_back
 from schuler.filtering.kernels.covariance import PAD, dcm, padded, transition
 from schuler.filtering.kernels.update import AT_CLONE_CLOCK, AT_CLONE_R, AT_LEVER, antenna_rows
 from schuler.jit import inlined, kernel, over_states, prepare
@@ -277,6 +278,10 @@ def smooth(nodes, record, minus, plus, rec_x, rec_P, carry, begins):
         if node == 0:
             break
         T = nodes.phi[node, 0]
+        if T == TURNED:
+            turn_back(nodes.B[node], n_sensor, lam, Y, n, wide)
+            triangularise(Y, v, t, n, wide)
+            continue
         if T < 0.0:
             clone_back(nodes.phi[node], nodes.places, i_clock, lam, Y, J, v, t, n, wide)
             continue

@@ -26,12 +26,14 @@ from schuler.montecarlo.lanes._shared_kernels import (
     cut_interval,
     fit_interval,
     navigation_rows,
+    ned_axes,
     parameter_columns,
     regressor_integrals,
     scale_parameters,
     spread_estimates,
     store_interval,
     transition,
+    turn_axes,
 )
 from schuler.montecarlo.lanes._update_kernels import take
 from schuler.montecarlo.lanes.lane_arrays import (
@@ -73,6 +75,7 @@ def cut_workspace(work, n, m, every, driven):
         acc=cut(work, 91, (8,)),
         moment=cut(work, 99, (3,)),
         past=cut(work, at_dx + 2 * n + triangle, (every + 2, N_PAST)),
+        before=cut(work, at_dx + 2 * n + triangle + (every + 2) * N_PAST + driven + 1, (4 + m,)),
         fix=cut(work, 102, (3,)),
         y=cut(work, 105, (3,)),
         e=cut(work, 108, (3,)),
@@ -96,7 +99,7 @@ def cut_workspace(work, n, m, every, driven):
 
 def work_rows(n: int, every: int, driven: int) -> int:
     """Rows of workspace for n states, a propagation every so many samples, and normals that drive processes."""
-    return _FIXED_ROWS + 14 * n + 12 * (n - 9) + n * (n + 1) // 2 + (every + 2) * N_PAST + driven + 1
+    return _FIXED_ROWS + 14 * n + 12 * (n - 9) + n * (n + 1) // 2 + (every + 2) * N_PAST + driven + 1 + n - 5
 
 
 @kernel
@@ -217,6 +220,30 @@ def propagate(state, model, work, kept, T, D, mean, on_psi):
 
 
 @inlined
+def keep_before(state, before):
+    """Keep attitude and parameters before the first update of a time."""
+    for i in range(4):
+        before[i] = state.nav[i]
+    for k in range(state.est.shape[0]):
+        before[4 + k] = state.est[k]
+
+
+@inlined
+def turn(state, model, work):
+    """Carry the covariance to the axes of corrected estimates."""
+    nav, est, P = state
+    n, m = P.shape[0], est.shape[0]
+    for i in range(9):  # not used elsewhere, see `flush`
+        for c in range(9, n):
+            P[i, c] = P[c, i]
+    ned_axes(nav, work.U)
+    turn_axes(
+        P, nav, est, work.before[:4], work.before[4:], work.U[2], model.table, m, work.sens, work.M, work.sums[0],
+        work.B, work.turned.T,
+    )  # fmt: skip
+
+
+@inlined
 def update(fixes, j, state, model, work, h_reg, on_psi, counts):
     """Correct the states by measurement ``j``, which stands in ``work.fix``."""
     kind = fixes.kind[j]
@@ -259,6 +286,7 @@ def run_lanes(log, fixes, errors, start, model, truth, memory, kept_of_runs):
     h1 = h2 = 0.0
     T = h_reg = 0.0  # time since the last propagation; length of the interval that `reg` is of
     kept = since = j = r = 0
+    corrected = False
     for k in range(log.dtheta.shape[0]):
         t = log.t[k]
         normals(white, work.z, 3)
@@ -277,6 +305,9 @@ def run_lanes(log, fixes, errors, start, model, truth, memory, kept_of_runs):
                 if s1 > 1.0 - 1e-6:
                     s1 = 1.0
             if s1 > s0:
+                if corrected:
+                    turn(state, model, work)
+                    corrected = False
                 piece = poly
                 if measured or s0 > 0.0:
                     cut_interval(part, poly, s0, s1)
@@ -297,6 +328,9 @@ def run_lanes(log, fixes, errors, start, model, truth, memory, kept_of_runs):
                 break
             draw_fix(fixes, j, drawn, work.z, work.fix)
             if fixes.gate[j] >= 0.0:
+                if model.free_axes and not corrected:
+                    keep_before(state, work.before)
+                    corrected = True
                 update(fixes, j, state, model, work, h_reg, on_psi, counts)
                 compensate(poly, raw, sens, h, model.matrix)
                 if s0 > sa:  # the next measurement of this time sees the corrected rate, not the one before
@@ -328,7 +362,7 @@ def prepare_lanes() -> None:
         of(LaneFixes, f, k, m, m, m, m, m, f),
         of(LaneErrors, m, f, m, m, m, nb.uint64[:, ::1], yes),
         of(LaneState, m, m, c),
-        of(LaneModel, km, m, f, x, i, i, yes, yes),
+        of(LaneModel, km, m, f, x, i, i, yes, yes, yes),
         of(LaneTruth, m, m, km),
         m,
         of(LaneRecordArrays, c, c, c, m),

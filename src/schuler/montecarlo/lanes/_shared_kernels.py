@@ -9,6 +9,7 @@ replaced by what all lanes do: the series for small rotations, and positions off
 from __future__ import annotations
 
 import schuler.filtering.kernels.accumulation as accumulation
+import schuler.filtering.kernels.axes as axes
 import schuler.filtering.kernels.covariance as covariance
 import schuler.filtering.kernels.sensor_errors as sensor_errors
 import schuler.filtering.kernels.update as update
@@ -66,4 +67,15 @@ parameter_columns = lane_version(
     accumulation.parameter_columns,
     sum_source=lane_version(accumulation.sum_source, gram=gram),
     column=lane_version(accumulation.column),
+)
+
+turn_axes = lane_version(
+    axes.turn_axes,
+    spread_estimates=spread_estimates,
+    write_change=lane_version(
+        axes.write_change,
+        add_rotation=lane_version(axes.add_rotation, response=lane_version(axes.response)),
+        dcm=dcm,
+    ),
+    add_turned=lane_version(axes.add_turned),
 )

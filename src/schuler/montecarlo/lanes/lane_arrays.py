@@ -70,6 +70,7 @@ class LaneModel(NamedTuple):
     lockout: int
     matrix: bool  # scale factors, misalignments or g-sensitivities are estimated
     cross: bool  # g-sensitivities are: accelerometer errors act on the attitude
+    free_axes: bool  # cross-couplings of both triads are, see filtering.kernels.axes
 
 
 class LaneTruth(NamedTuple):
@@ -103,6 +104,7 @@ class LaneWorkspace(NamedTuple):
     reg: FloatArray  # (7,) integrals of the regressors
     acc: FloatArray  # (8,) transition accumulated since the last propagation
     moment: FloatArray  # (3,) velocity increments times mid time
+    before: FloatArray  # (4 + m,) attitude and parameters before the updates of a time
     past: FloatArray  # (every + 2, N_PAST) intervals since the last propagation
     fix: FloatArray  # (3,) a measurement with its noise
     y: FloatArray  # (3,)

@@ -158,7 +158,15 @@ class _Prepared:
         self.white = scenario.errors.white * np.sqrt(h)
         matrix = any(name[0] in "SMG" for name in layout.models)
         self.model = LaneModel(
-            layout.table(), layout.dynamics(), psd, omega, every, options.lockout, matrix, "G_g" in layout
+            layout.table(),
+            layout.dynamics(),
+            psd,
+            omega,
+            every,
+            options.lockout,
+            matrix,
+            "G_g" in layout,
+            "M_a6" in layout and "M_g" in layout,
         )
         r = truth.r_eb_e[at + 1]
         self.truth = LaneTruth(

@@ -25,11 +25,9 @@ def axes_against_claim(spec: ImuSpec, P_attitude: FloatArray) -> list[str]:
     Notes
     -----
     A rotation of both triads together cannot be told from the attitude of the body by any measurement but one of the
-    body's own axes. With 15 states it is not in the covariance. With states for misalignments it should be, but each
-    correction of the attitude turns the direction that cannot be observed, and a filter that linearises anew after
-    it takes the difference for information (Huang, Mourikis and Roumeliotis 2010, IJRR 29(5), 502-528): in simulated
-    town drives with 2 % of misalignment roll and pitch were off by two to ten times their 1-sigma, with 15 states and
-    with 33; position and velocity were as good as claimed.
+    body's own axes. With 15 states it is not in the covariance: in simulated town drives with 2 % of misalignment roll
+    and pitch were off by five times their 1-sigma. With states for the misalignments of both triads it is
+    (``filtering.kernels.axes``).
     """
     misalignment = max(spec.gyro.misalignment, spec.accel.misalignment)
     claimed = float(np.sqrt(max(np.linalg.eigvalsh(P_attitude)[0], 0.0)))

@@ -247,7 +247,8 @@ def _start_from_fix(
     arm_n = C_nb @ lever
     v_n, cov_v_n = gnss.need_velocity()
     i = int(np.clip(np.searchsorted(rates.t, t), 0, len(rates.t) - 1))
-    v = v_n[k] - C_nb @ np.cross(rates.gyro[i], lever)
+    rate = rates.gyro[i] if rest is None else rates.gyro[i] - rest[0]
+    v = v_n[k] - C_nb @ np.cross(rate, lever)
     origin = gnss.llh[k]
     r_e = frames.ecef_from_llh(origin) - frames.C_en(origin) @ arm_n
     nav = NavState.from_geodetic(t, frames.llh_from_ecef(r_e), v, alignment.rpy_nb)
@@ -259,6 +260,8 @@ def _start_from_fix(
             start = with_bias(start, layout, *rest)
         start = start.aligned(alignment, layout)
     T = position_error_of_fix(layout, C_nb, lever, v)
+    if calibration is None and "b_g" in layout:  # it turns the antenna about the IMU
+        T[3:6, layout["b_g"]] = -C_nb @ rotation.skew(lever)
     for name, column in (("b_v", -np.eye(3)), ("delay", -_acceleration(gnss, k)[:, None])):
         if name in layout:
             T[3:6, layout[name]] = column

@@ -126,7 +126,8 @@ def _at_fix(
     P = T @ P @ T.T
     v_fix, cov_fix = with_velocities(gnss).need_velocity()
     i = int(np.clip(np.searchsorted(prepared.imu.t, t), 0, len(prepared.imu) - 1))
-    v_antenna = v_n + C_nb @ np.cross(prepared.imu.rates().gyro[i], lever)
+    rate = prepared.imu.rates().gyro[i] - carried.parameter("b_g")[-1]
+    v_antenna = v_n + C_nb @ np.cross(rate, lever)
     S, y = P[3:6, 3:6] + cov_fix[k], v_antenna - v_fix[k]
     if float(y @ np.linalg.solve(S, y)) > gate_threshold(_GATE, 3):
         return None

@@ -8,6 +8,7 @@ import pytest
 from dense_filter import dense_smoother
 
 from schuler import frames, rotation
+from schuler.filtering import engine
 from schuler.filtering.engine import FilterOptions, FilterState, run
 from schuler.filtering.error_model import sensor_matrices
 from schuler.filtering.initial_state import InitialState
@@ -120,6 +121,17 @@ def test_smoother_equals_dense_rauch_tung_striebel(drive_case):
     sigma = np.sqrt(np.einsum("kii->ki", P_s))[at]
     scale = sigma[:, :, None] * sigma[:, None, :]
     np.testing.assert_allclose(result.smooth().covariance_e / scale, P_s[at] / scale, atol=1e-4)
+
+
+def test_in_parts_to_the_last_bit(drive_case, monkeypatch):
+    """The turn of the axes after a part's last updates is the first node of the next."""
+    lay = cases.layout(33)
+    once = cases.filtered(drive_case, lay, 1, smoother=True)[0].smooth()
+    monkeypatch.setattr(engine, "_CHUNK", 3000)
+    monkeypatch.setattr(engine, "_NODE_BYTES", 1)
+    parts = cases.filtered(drive_case, lay, 1, smoother=True)[0]
+    assert len(parts._nodes._parts) == 4
+    np.testing.assert_array_equal(parts.smooth().covariance_e, once.covariance_e)
 
 
 def test_levelling_teaches_nothing_of_cross_coupling():

@@ -54,6 +54,12 @@ def test_a_fix_that_is_repeated_with_another_speed_is_new(tmp_path):
     assert len(schuler.read(path, **READ).gnss.t) == N // EVERY - 1
 
 
+def test_a_heading_between_samples_is_no_column_of_the_imu(tmp_path):
+    recording = schuler.read(log(tmp_path, "empty", header=f"{IMU},lat,lon,alt,speed,heading"), **READ)
+    assert len(recording.imu.t) == N
+    assert len(recording.gnss.t) == N // EVERY - 1
+
+
 def test_a_table_without_any_fix_says_so(tmp_path):
     path = log(tmp_path, "empty", fields=lambda i: ",,,,")
     with pytest.raises(FileFormatError, match="no row has a number in"):

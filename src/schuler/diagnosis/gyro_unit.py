@@ -208,7 +208,13 @@ def by_turns(
 
 
 def gyro_unit(
-    need: float, interval: float, stated: tuple[str, float], kind: str, evidence: dict[str, Any], how: str
+    need: float,
+    interval: float,
+    stated: tuple[str, float],
+    kind: str,
+    evidence: dict[str, Any],
+    how: str,
+    exact: float | None = None,
 ) -> list[Finding]:
     """Finding ``gyro_unit`` for a factor that the physics asks for.
 
@@ -225,6 +231,8 @@ def gyro_unit(
     evidence : dict
     how : str
         For the sentence: what it was compared with.
+    exact : float, optional
+        The factor where it is no unit's but has to be a number.
     """
     if abs(np.log(need)) < 0.22:
         return []
@@ -248,7 +256,9 @@ def gyro_unit(
             f"are counts or "
             "have a scale of their own"
         )
-        return [Finding("gyro_unit", "error", text, 0.98 if far else 0.8, f"scale='gyro={need:.5g}'", evidence)]
+        return [
+            Finding("gyro_unit", "error", text, 0.98 if far else 0.8, f"scale='gyro={exact or need:.5g}'", evidence)
+        ]
     _, unit, what = fits[0]
     if what == "increment" and kind == "rate":
         text = (

@@ -203,6 +203,8 @@ def _angular_unit(state: DiagnosisState, means: WindowMeans, motion: Motion, ev:
         return
     state.checked.append("unit of angular rate (course)")
     agreed = _turn_gains_agree(means, motion, lag, size)
+    # noise weakens the gain: that of rates and course alike where units are told, all the course's for a number
+    exact = float(lag.r2[0]) / size
     size /= float(np.sqrt(lag.r2[0]))
     need, kind = 1.0 / size, str(state.imu.kind)
     if state.scaling.determined and state.scaling.kind != kind:
@@ -214,7 +216,9 @@ def _angular_unit(state: DiagnosisState, means: WindowMeans, motion: Motion, ev:
             kind = "other"
     stated = stated_factor(state.recording.metadata.options, "gyro")
     evidence = {"turn_gain": size, "explained": float(lag.r2[0])}
-    findings = gyro_unit.gyro_unit(need, state.imu.interval, stated, kind, evidence, "against the turns of the course")
+    findings = gyro_unit.gyro_unit(
+        need, state.imu.interval, stated, kind, evidence, "against the turns of the course", need * exact * size
+    )
     state.findings += findings if agreed else [replace(f, confidence=min(f.confidence, 0.8)) for f in findings]
     state.gyro_factor = 1.0 / size
 

@@ -31,6 +31,7 @@ from schuler.units import DEG
 
 _ROUNDS = 8  # of cures; each judges the log anew
 _HEAD = 2000  # characters of a file in which its IMU may be named
+_WITH_SCALES = 33  # states, those of scale factors and misalignments among them
 _GIVEN = "as said"
 
 
@@ -157,6 +158,13 @@ def propose(
         if not setup.has(data, d.entry):
             data = merged(data, setup.nested({d.entry: d.value}))
             decisions.append(d)
+    scaled = next((d for d in decisions if d.entry.endswith(".scale") and "gyro=" in str(d.value)), None)
+    if scaled is not None and not setup.has(data, "filter.states"):
+        data = merged(data, {"filter": {"states": _WITH_SCALES}})
+        evidence = (
+            "the scale of the gyroscopes is known from motion only: errors of scale factors and axes are estimated"
+        )
+        decisions.append(Decision("filter.states", _WITH_SCALES, evidence))
     if not setup.has(data, "filter.tune"):
         data = merged(data, {"filter": {"tune": "auto"}})
     if trials:

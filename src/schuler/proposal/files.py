@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.proposal import arrays, tables
 from schuler.proposal.decision import Decision, UndecidedError
@@ -412,6 +413,9 @@ def _table(path: Path, section: str, part: str | None) -> tuple[dict[str, Any] |
         decisions.append(Decision(f"{section}.units", "", why))
     t = tables.column(path, names.index("t")) if "t" in names else None
     clock = None if t is None or "t" in stated else tables.time_unit(t)
+    if t is not None and "t" in stated and (unit := tables.unix_unit(t)) is not None:
+        dated, more = _dated(section, t, unit)
+        entry, decisions = entry | dated, decisions + more
     if t is not None and clock is not None:
         if clock[0] != "s":
             units["t"] = clock[0]
@@ -434,8 +438,10 @@ def _table(path: Path, section: str, part: str | None) -> tuple[dict[str, Any] |
 def _clock(path: Path, section: str) -> tuple[dict[str, Any], list[Decision]]:
     """Hints of a table's clock where its stamps are Unix time, as those of an IMU's beside it are then told."""
     names, stated = _layout(path, None)
-    t = tables.column(path, names.index("t")) if "t" in names and "t" not in stated else None
+    t = tables.column(path, names.index("t")) if "t" in names else None
     unit = None if t is None else tables.unix_unit(t)
+    if t is not None and "t" in stated:
+        return _dated(section, t, unit) if unit is not None else ({}, [])
     counted = None if t is None or "ax" not in names else tables.time_unit(t)  # those of the IMU in the same table
     if t is not None and unit is None and counted is not None and counted[0] != "s":
         unit = counted[0]
@@ -445,6 +451,11 @@ def _clock(path: Path, section: str) -> tuple[dict[str, Any], list[Decision]]:
     entry = {"time": "unix"} | ({} if unit == "s" else {"units": f"t={unit}"})
     why = f"stamps of {t[0]:.6g} {unit} are of this century"
     return entry, [Decision(f"{section}.{name}", value, why) for name, value in entry.items()]
+
+
+def _dated(section: str, t: FloatArray, unit: str) -> tuple[dict[str, Any], list[Decision]]:
+    """Hint that stamps whose unit the header states are Unix time."""
+    return {"time": "unix"}, [Decision(f"{section}.time", "unix", f"stamps of {t[0]:.6g} {unit} are of this century")]
 
 
 def _accuracy(path: Path, section: str, part: str) -> tuple[dict[str, Any], list[Decision]]:

@@ -204,6 +204,21 @@ def test_the_claim_of_fitted_velocities_holds():
     assert 0.3 < nees < 1.3  # statistical: 400 fixes, neighbours correlated
 
 
+@pytest.mark.parametrize(("noise", "least", "most"), [(5.0, 0.8, 1.0), (0.5, 0.19, 0.21)])
+def test_velocities_are_as_much_better_as_neighbouring_fixes_agree(noise, least, most):
+    """Standing, stated 5 m: at most five times, which errors that wander by 0.1 m a second and square root leave."""
+    rng = np.random.default_rng(3)
+    t = np.arange(0.0, 400.0)
+    r = noise * rng.standard_normal((400, 3)) + np.cumsum(0.1 * rng.standard_normal((400, 3)), axis=0)
+    llh = frames.llh_from_ecef(frames.ecef_from_ned(r, PLACE))
+    fit, cov = velocity_fit(GnssSeries(t, llh, np.tile(25.0 * np.eye(3), (400, 1, 1))))
+    slope = 5.0 / np.sqrt(10.0)
+    assert np.all(np.sqrt(cov[10:-10, 0, 0]) > least * slope)
+    if noise < 5.0:  # the noise of the fits' accelerations is taken for jerk, and grows with the noise
+        assert np.sqrt(cov[10:-10, 0, 0]).max() < 2.0 * most * slope
+    assert np.mean(fit[10:-10, :2] ** 2) < np.mean(cov[10:-10, 0, 0])
+
+
 def test_stated_velocities_stay_but_for_components_that_are_no_measurement():
     g = fixes(np.arange(20.0), 8.0)
     assert with_velocities(g) is g

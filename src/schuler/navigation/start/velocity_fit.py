@@ -12,7 +12,9 @@ from schuler.recording.series import GnssSeries
 
 _HALF_S = 1.0  # the fit covers at least this much on both sides [s] ...
 _FIXES = 2  # ... and at least so many fixes
+_ENOUGH = 20  # fits that say how alike errors are
 _UNKNOWN = 100.0  # 1-sigma where too few fixes are near [m/s]
+_ALIKE = 5.0  # errors of neighbouring fixes are no more alike than that: their differences are so much better at most
 _NO_NEWS = 5.0  # a stated 1-sigma so many times the fit's, and above 1 m/s, is no measurement
 
 
@@ -60,8 +62,10 @@ def velocity_fit(gnss: GnssSeries) -> tuple[FloatArray, FloatArray]:
 
     Notes
     -----
-    Errors common to neighbouring fixes cancel in the velocity and are counted as if they did not: conservative. Fixes
-    after the first two are measurements of the filter again: the velocity of a start is so far not independent of them.
+    Errors common to neighbouring fixes cancel in the velocity: where what the fits leave is smaller than the
+    covariances say, by the median over the log, velocities are so much better, at most five times (errors that wander
+    change within a fit, too). Fixes after the first two are measurements of the filter again: the velocity of a start
+    is so far not independent of them.
     """
     n = len(gnss)
     v, cov = np.zeros((n, 3)), np.tile(_UNKNOWN**2 * np.eye(3), (n, 1, 1))
@@ -89,7 +93,18 @@ def velocity_fit(gnss: GnssSeries) -> tuple[FloatArray, FloatArray]:
     change = (np.diff(acceleration, axis=0) / np.diff(gnss.t)[:, None])[pair]
     jerk = np.mean(change**2, axis=0) if len(change) else np.zeros(3)
     missed = np.einsum("nk,nk->n", slope, tau**3) / 6.0
-    fitted = np.einsum("nk,nkij->nij", slope**2, gnss.cov_r_n[index])
+    left = d_n - np.einsum("nki,nij->nkj", A, np.einsum("nik,nkj->nij", gain, d_n))
+    free = np.maximum((weight > 0.0).sum(axis=1) - 3, 0)
+    squares = np.einsum("nk,nki->ni", weight, left[:, :, :2] ** 2) / np.maximum(2.0 * free, 1.0)[:, None]
+    fitted = np.einsum("nk,nkij->nij", slope**2, gnss.cov_r_n[index]) * _shared(squares[near & (free > 0)].sum(axis=1))
     fitted += (missed**2)[:, None, None] * np.diag(jerk)
     v[near], cov[near] = np.einsum("nk,nki->ni", slope, d_n)[near], fitted[near]
     return v, cov
+
+
+def _shared(squares: FloatArray) -> float:
+    """Factor on the variance of differences of neighbouring fixes, from mean normalised squares of what fits leave."""
+    if len(squares) < _ENOUGH:
+        return 1.0
+    # two components of two degrees of freedom each: the median of chi-square of four is 3.36
+    return float(np.clip(np.median(squares) * 4.0 / 3.36, 1.0 / _ALIKE**2, 1.0))

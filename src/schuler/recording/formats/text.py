@@ -124,7 +124,8 @@ def _load(opening: Opening, hints: ReadHints) -> Raw:
     n_columns = len(opening.fields)
     beside = bool(_several(columns.series_of(names)))
     if beside and hints.series is not None:
-        own = [k for k, name in enumerate(names) if name in columns.BELONGS[hints.series] or name == "heading"]
+        of_it = columns.BELONGS[hints.series] | ({"heading"} if hints.series == "gnss" else set())
+        own = [k for k, name in enumerate(names) if name in of_it]
         names, indices = [names[k] for k in own], [indices[k] for k in own]
     dated = _dated(opening, dict(zip(names, indices, strict=True)))
     if dated is not None:

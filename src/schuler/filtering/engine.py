@@ -350,7 +350,8 @@ def run(
             if progress is not None and len(out.t):
                 progress(part.stop / N)
 
-    complete, parts, cnt, carried = True, [], state.arrays.counts, (*state.arrays, *state.work)
+    arrays = state.arrays
+    complete, parts, cnt, carried = True, [], arrays.counts, (*arrays, *state.work)
     try:
         for first, stop in pairwise(edges):
             if first > 0:

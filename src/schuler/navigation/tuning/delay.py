@@ -116,8 +116,8 @@ def _loss(innovations: Residuals) -> float:
 
 
 def is_suspected(run: PreparedRun) -> bool:
-    """Whether a run that estimates a time offset ends with one that may not be zero."""
-    return _square(run) > _SUSPECTED
+    """Whether the first part of a run that estimates a time offset ends with one that may not be zero."""
+    return _square(first_part(run)) > _SUSPECTED
 
 
 def is_apart(run: PreparedRun) -> bool:
@@ -127,13 +127,22 @@ def is_apart(run: PreparedRun) -> bool:
 
 def _square(run: PreparedRun) -> float:
     """Square of the time offset that a run estimates, over its variance."""
-    delay, sigma = delay_at_end(run.run(), run)
+    delay, sigma = _delay_of(run)
     return (delay / sigma) ** 2
+
+
+def _delay_of(run: PreparedRun) -> tuple[float, float]:
+    """Time offset at the end of a run that keeps nothing to smooth over, and its 1-sigma. [s]"""
+    options = replace(run.options, smoother=False)
+    forward = replace(run, options=options).run()
+    if not forward.complete:
+        raise KeyboardInterrupt
+    return delay_at_end(forward, run)
 
 
 def is_same(run: PreparedRun, other: PreparedRun) -> bool:
     """Whether a run ends with the time offset by which the fixes of another one were moved."""
-    return abs(delay_at_end(other.run(), other)[0] - run.fixes_later_s) < _SAME_S
+    return abs(_delay_of(other)[0] - run.fixes_later_s) < _SAME_S
 
 
 def is_borne_out(run: PreparedRun) -> bool:
@@ -145,7 +154,7 @@ def is_borne_out(run: PreparedRun) -> bool:
     if not velocities.any():
         return True
     alone = replace(run, schedule=run.schedule.where(~velocities))
-    (delay, _), (other, sigma) = (delay_at_end(model.run(), model) for model in (run, alone))
+    (delay, _), (other, sigma) = (_delay_of(model) for model in (run, alone))
     favoured = (other**2 - (other - delay) ** 2) / (2.0 * sigma**2)
     return bool(favoured > _BORNE_OUT and abs(other - delay) < max(4.0 * sigma, 0.25 * abs(delay)))
 
@@ -171,7 +180,7 @@ def placed(
     """
     for _ in range(_ROUNDS):
         noisy = with_smoothed_start(with_factors(run, factors or {}))
-        delay, _ = delay_at_end(noisy.run(), noisy)
+        delay, _ = _delay_of(noisy)
         later = float(np.clip(delay, -_MOST_S, _MOST_S))
         if abs(later - run.fixes_later_s) < _LEFT_S:
             break

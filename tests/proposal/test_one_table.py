@@ -6,6 +6,7 @@ from messy_folders import simulated
 
 import schuler
 from schuler import units
+from schuler.diagnosis.gyro_unit import gyro_unit
 
 BIASES = np.array([[0.1, -0.1, 0.05], [0.008, -0.004, 0.002]])  # [m/s^2], [rad/s]
 BOARD = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # x left, y forward, z down
@@ -48,3 +49,10 @@ def test_scale_and_axes_are_found_without_a_question(proposal):
 
 def test_a_scale_from_motion_gets_its_states(proposal):
     assert proposal.config.filter.states == 33
+
+
+def test_a_scale_is_the_exact_factor_and_a_unit_is_told_by_the_other():
+    [counts] = gyro_unit(1.2e-4, 0.02, ("rad/s", 1.0), "rate", {}, "against turns", 1.3e-4)
+    assert counts.fix == "scale='gyro=0.00013'"
+    [degrees] = gyro_unit(units.DEG, 0.02, ("rad/s", 1.0), "rate", {}, "against turns", 1.3 * units.DEG)
+    assert "gyro=deg/s" in degrees.fix

@@ -117,6 +117,13 @@ def test_a_counter_of_32_bits_is_counted_on(tmp_path):
         schuler.read(back, **READ)
 
 
+def test_a_counter_that_begins_again_before_the_first_fix_is_one_clock(tmp_path):
+    header = IMU.replace("millis", "micros") + ",lat,lon,alt,speed,course"
+    path = log(tmp_path, "empty", header=header, stamp=lambda k: str((2**32 - 200_000 + 20_000 * k) % 2**32))
+    recording = schuler.read(path, **READ)
+    assert recording.gnss.t[0] - recording.imu.t[0] == pytest.approx(0.02 * EVERY, abs=1e-9)
+
+
 @pytest.mark.parametrize(("turned", "used"), [(0.0, True), (60.0, False)])
 def test_a_heading_beside_a_speed_is_a_course_if_it_is_the_direction_of_motion(tmp_path, turned, used):
     path = tmp_path / "gps.csv"

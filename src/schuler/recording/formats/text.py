@@ -17,7 +17,7 @@ from schuler.recording.io import clock, columns, dates, lines, own, own_satellit
 from schuler.recording.io.assemble import CONVERTED, recording_from
 from schuler.recording.io.hint_texts import ColumnSpec, factor, parse_columns, parse_units
 from schuler.recording.io.hints import ReadHints
-from schuler.recording.io.raw import Raw
+from schuler.recording.io.raw import COUNTER, Raw
 from schuler.recording.io.text_head import EXAMPLE, Opening, columns_of, open_text
 from schuler.recording.recording import Recording
 
@@ -172,13 +172,20 @@ def _rarer(
     watched = [k for name, k in zip(names, indices, strict=True) if name != "t"]
     place = [k for name, k in zip(names, indices, strict=True) if name in ("lat", "lon", "n", "e")]
     numbers, rows, last = [], [], [""] * len(watched)
+    clock = next((k for name, k in zip(names, indices, strict=True) if name == "t"), None)
+    before, wraps, counted = -np.inf, 0.0, []  # of all rows: a counter may begin again before the first fix
     for number, fields in opening.table.rows():
+        if clock is not None and len(fields) > clock and lines.is_number(fields[clock]):
+            now = float(fields[clock])
+            wraps += before - now > 0.5 * COUNTER
+            before = now
         if len(fields) != len(opening.fields) or not all(lines.is_number(fields[k]) for k in needed):
             continue
         new = [fields[k] for k in watched]
         if not fixes or (new != last and not (place and all(float(fields[k]) == 0.0 for k in place))):
             numbers.append(number)
             rows.append(fields)
+            counted.append(wraps)
         last = new
     if not rows:
         raise FileFormatError(f"no row has a number in {', '.join(names)}", opening.table.path, opening.table.first)
@@ -186,6 +193,8 @@ def _rarer(
     if fixes:
         notes.append(f"{len(rows)} rows bring a new fix; those between repeat the last one or have none.")
     arrays = {name: values[:, k] for k, name in enumerate(names)}
+    if clock is not None:
+        arrays["t"] = arrays["t"] + COUNTER * np.array(counted)
     raw = Raw(opening.table.path, arrays, stated, numbers.__getitem__, notes=notes, negated=negated)
     if dated is not None:
         _stamp(raw, hints, _stamps_of(opening, dated, rows))

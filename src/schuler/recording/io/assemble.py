@@ -26,7 +26,7 @@ from schuler.recording.io.hint_texts import (
 )
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.local_frame import place_local
-from schuler.recording.io.raw import HUGE, Raw, check_increasing
+from schuler.recording.io.raw import COUNTER, HUGE, Raw, check_increasing
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, ScalarSeries
 from schuler.recording.trajectory import Trajectory
@@ -266,7 +266,7 @@ def _count_on(raw: Raw) -> None:
     unit = raw.unit.get("t")
     if not len(back) or unit is None or len(back) > _MOST_WRAPS:
         return
-    period = 2.0**32 * units.factor_for(unit, "time")
+    period = COUNTER * units.factor_for(unit, "time")
     usual = float(np.median(step))
     over = step[back] + period
     if usual > 0.0 and np.all((over > 0.0) & (over < _LONGEST_STEP_S + _STEPS * usual)):

@@ -12,6 +12,8 @@ from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError
 from schuler.timebase import TimeBase
 
+#: Numbers after which a counter of 32 bits begins again.
+COUNTER = 2.0**32
 HUGE = 1e30  # no quantity in any unit is as large; keeps later products finite
 
 

@@ -1,6 +1,7 @@
 """Files are replaced whole or not at all, and hashes name what a result was made from."""
 
 import os
+import signal
 import stat
 import subprocess
 import sys
@@ -331,6 +332,28 @@ def test_a_killed_run_changes_nothing_and_the_next_removes_what_it_left(tmp_path
     files._tidied.clear()
     write_text(place / "next.txt", "x")
     assert [p for p in place.iterdir() if p.name.startswith(".")] == []
+
+
+@posix
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_run_that_is_ended_between_two_files_puts_all_in_place_first(tmp_path, number, monkeypatch):
+    for name in "abc":
+        write_text(tmp_path / name, "old")
+    replace, ended = os.replace, []
+    earlier = signal.signal(number, lambda *_: ended.append({p.read_text() for p in tmp_path.iterdir() if p.is_file()}))
+
+    def ended_after(*names):
+        replace(*names)
+        signal.raise_signal(number)
+
+    try:
+        with outputs(force=True):
+            for name in "abc":
+                write_text(tmp_path / name, "new")
+            monkeypatch.setattr(os, "replace", ended_after)
+    finally:
+        signal.signal(number, earlier)
+    assert ended == [{"new"}]
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits of file size")

@@ -8,7 +8,9 @@ import math
 import os
 import re
 import shutil
+import signal
 import tempfile
+import threading
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
@@ -350,18 +352,36 @@ def _put_in_place(run: _Outputs) -> None:
         folder = run.made[top][0] if top in run.made else top
         text = json.dumps({"written by": "schuler; files that are still as listed may be replaced", "files": entries})
         write_text(folder / LISTED, text, at_once=True)
-    for top, (folder, _) in run.made.items():
-        for target, (temporary, held) in run.waiting.items():
-            if top in target.parents:
-                place = folder / target.relative_to(top)
-                place.parent.mkdir(parents=True, exist_ok=True)
-                os.replace(temporary, place)
-                held.close()
-        os.chmod(folder, 0o777 & ~_umask())
-        os.rename(folder, top)
-    for target, (temporary, _) in run.waiting.items():
-        if not any(top in target.parents for top in run.made):
-            os.replace(temporary, target)
+    with _undisturbed():
+        for top, (folder, _) in run.made.items():
+            for target, (temporary, held) in run.waiting.items():
+                if top in target.parents:
+                    place = folder / target.relative_to(top)
+                    place.parent.mkdir(parents=True, exist_ok=True)
+                    os.replace(temporary, place)
+                    held.close()
+            os.chmod(folder, 0o777 & ~_umask())
+            os.rename(folder, top)
+        for target, (temporary, _) in run.waiting.items():
+            if not any(top in target.parents for top in run.made):
+                os.replace(temporary, target)
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Hold interrupts and requests to end back until the block has ended: of several files all are new, or none."""
+    if threading.current_thread() is not threading.main_thread():  # where Python never delivers them
+        yield
+        return
+    came: list[int] = []
+    earlier = {n: signal.signal(n, lambda number, _: came.append(number)) for n in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in earlier.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+        if came:
+            signal.raise_signal(came[0])
 
 
 @cache

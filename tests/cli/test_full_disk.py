@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import re
 import resource
 import shutil
 import subprocess
@@ -102,6 +103,19 @@ def test_a_disk_that_cannot_be_written_is_said(name, inputs, disk):
     assert "Read-only file system" in words, words
     assert "Traceback" not in words
     assert visible(disk) == {f"in/{n}" for n in content(inputs)}
+
+
+@pytest.mark.parametrize("name", [name for name in COMMANDS if name != "apply"])  # which has no default
+def test_a_default_place_that_cannot_be_written_is_said_before_the_work(name, inputs, disk):
+    shutil.copytree(inputs, disk / "in")
+    subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
+    command = re.sub(" --(out|report) out/[^ ]*", "", COMMANDS[name])
+    status, _, words = forked(disk, command)
+    if name in ("check", "reproduce"):  # they write nothing unless asked to
+        assert os.waitstatus_to_exitcode(status) == 0, words
+    else:
+        assert os.waitstatus_to_exitcode(status) == 2, words
+        assert "Expected a place to write to" in words, words
 
 
 @pytest.mark.parametrize("name", COMMANDS)

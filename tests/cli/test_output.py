@@ -5,10 +5,10 @@ import re
 
 import numpy as np
 import pytest
-from command import refusal
+from command import refusal, run
 
 from schuler.cli.configuration import check_entries, configuration, entries, period, window
-from schuler.cli.output import print_json, print_verdict, progress
+from schuler.cli.output import print_json, print_verdict, progress, writable
 from schuler.exceptions import ConfigError, InputError
 from schuler.navigation.evaluation.verdict import Verdict
 
@@ -41,6 +41,23 @@ def test_faulty_windows_are_refused(text):
 def test_faulty_periods_are_refused(text):
     with pytest.raises(InputError, match="--outage-every: expected PERIOD:LENGTH"):
         period(text)
+
+
+@pytest.mark.parametrize("where", ["schuler.cli.output.silenced", "schuler.cli.explain.read_toml"])
+def test_an_interrupt_ends_with_one_line_and_code_1(where, monkeypatch, capsys):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(where, interrupted)
+    assert run(capsys, "explain", "ARW") == (1, "", "schuler: interrupted\n")
+
+
+def test_a_default_folder_that_cannot_be_made_is_refused_before_the_work(tmp_path):
+    (tmp_path / "log-solution").write_text("a file of the user's")
+    with pytest.raises(InputError, match=r"Expected a folder, .*log-solution is a file: give another name"):
+        writable(tmp_path / "log-solution" / "figures")
+    assert writable(tmp_path / "new") == tmp_path / "new"
+    assert not (tmp_path / "new").exists()
 
 
 def test_json_holds_numbers_or_null(capsys):

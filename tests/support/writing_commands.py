@@ -6,6 +6,7 @@ import contextlib
 import io
 import json
 import os
+import shutil
 import signal
 import sys
 import tomllib
@@ -15,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from places import EXAMPLES
+from walk_cases import noisy, rates_log, square
 
 from schuler.calibration.freepose.simulation import hand_log
 from schuler.cli import main
@@ -37,8 +39,17 @@ rate_hz = 50.0
 catalogue = "MTi-G-710"
 [gnss]
 """
+SKY = TOWN.replace("[gnss]", '[satellites]\nsystems = "GE"\n')
 LAPS = TOWN.replace("lat_deg", "laps = 3\nlat_deg")
 NAVIGATION = '[imu]\ncatalogue = "MTi-G-710"\n[filter]\ntune = false\n'
+CAMPAIGN = """
+simulation = "town.toml"
+navigation = "navigation.toml"
+runs = 4
+[evaluation]
+every_s = 2.0
+settle_s = 10.0
+"""
 WRONG = '[imu]\ncatalogue = "MTi-G-710"\n[gnss]\nsigma_scale = 5.0\n'  # only a better configuration is written
 #: Arguments; ``in/`` is what is read, ``out/`` what is written.
 COMMANDS = {
@@ -51,6 +62,12 @@ COMMANDS = {
     "tune": "tune in/laps.parquet --config in/wrong.toml --out out/tuned.toml",
     "allan": "allan in/rest.parquet --out out/noise --export kalibr --no-report",
     "calibrate": "calibrate freepose in/hand.parquet --out out/unit --no-report",
+    "apply": "apply in/unit.yaml in/hand.parquet --out out/corrected.parquet",
+    "foot": "foot in/walk.parquet --out out/walk --no-report",
+    "points": "points in/sky.parquet --out out/points",
+    "compare": "compare in/town.pos in/again.pos --out out/compared",
+    "montecarlo": "montecarlo in/campaign.toml --batch 1 --workers 1 --engine filter --no-report --out out/runs",
+    "reproduce": "reproduce flenniken text-3.7 --out out/book.html",
     "budget": f"budget {EXAMPLES / 'budget_town.toml'} --out out/budget --no-figures --no-report",
 }
 CHANGES = {"os.rename", "os.mkdir", "os.rmdir", "os.remove", "os.chmod", "os.truncate", "os.link", "open"}
@@ -61,11 +78,13 @@ def write_inputs(folder: Path) -> Path:
     for name, text in {
         "town.toml": TOWN,
         "laps.toml": LAPS,
+        "sky.toml": SKY,
+        "campaign.toml": CAMPAIGN,
         "navigation.toml": NAVIGATION,
         "wrong.toml": WRONG,
     }.items():
         (folder / name).write_text(text)
-    for name in ("town", "laps"):
+    for name in ("town", "laps", "sky"):
         assert main(["simulate", str(folder / f"{name}.toml"), "--out", str(folder / f"{name}.parquet")]) == 0
     rng = np.random.default_rng(0)
     hand = hand_log(ImuErrors(), rng, poses=20, rate_hz=50.0)
@@ -73,6 +92,14 @@ def write_inputs(folder: Path) -> Path:
     t = np.arange(3000) / 50.0
     gyro, accel = 1e-4 * rng.standard_normal((2, len(t), 3))
     write_recording(Recording(imu=ImuSeries(t, gyro, accel - np.array([0.0, 0.0, 9.81]))), folder / "rest.parquet")
+    motion = square()
+    write_recording(Recording(imu=noisy(rates_log(motion), rng, gyro_n=1e-4, accel_n=1e-3)), folder / "walk.parquet")
+    for name in ("town", "again"):
+        assert main(["convert", str(folder / "town.parquet"), str(folder / f"{name}.pos")]) == 0
+    calibration = ["calibrate", "freepose", str(folder / "hand.parquet"), "--no-report", "--out", str(folder / "unit")]
+    assert main(calibration) == 0
+    (folder / "unit" / "calibration.yaml").rename(folder / "unit.yaml")
+    shutil.rmtree(folder / "unit")
     return folder
 
 

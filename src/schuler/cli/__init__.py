@@ -12,6 +12,14 @@ from collections.abc import Sequence
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the return value is the exit code."""
+    try:
+        return _run(list(sys.argv[1:] if arguments is None else arguments))
+    except KeyboardInterrupt:  # also while modules are loaded
+        print("schuler: interrupted", file=sys.stderr)
+        return 1
+
+
+def _run(given: Sequence[str]) -> int:
     import cyclopts
 
     from schuler.cli.app import FORCE, QUIET, app
@@ -19,7 +27,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from schuler.exceptions import SchulerError, printable
     from schuler.files import outputs
 
-    given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with outputs(force=FORCE in given), silenced(QUIET in given):
             result = app(
@@ -43,9 +50,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except MemoryError as error:
         complain(f"expected enough memory for what was asked ({error}): take a part of it, or a lower rate")
         return 2
-    except KeyboardInterrupt:
-        complain("interrupted")
-        return 1
     return result if isinstance(result, int) else 0
 
 

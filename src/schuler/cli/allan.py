@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from schuler.characterisation.result import AXES, TERMS, AxisNoise, Estimate, Finding, NoiseIdentification
-from schuler.cli.output import Flag, Folder, Texts, drawable, named, print_json, progress, say
+from schuler.cli.output import Flag, Folder, Texts, drawable, named, print_json, progress, say, writable
 from schuler.cli.reading import Reading, of_part
 from schuler.exceptions import InputError, OverwriteError
 from schuler.recording.recording import Recording
@@ -73,13 +73,13 @@ def allan(
             raise InputError(f"{log} is an Allan curve: --robust, --export, --inflate and more logs need readings")
         return _curves(log, reading, method, duration, json=json)
     figures = drawable(report)
+    folder = writable(Path(f"{log.resolve().stem}-noise")) if out is None else out
     recordings = [of_part(reading, path).read(path) for path in (log, *more)]
     name = recordings[0].metadata.name + (f" and {len(more)} more" if more else "")
     with progress("identifying the noise") as bar:
         noise = identify_noise(
             recordings if more else recordings[0], method=method, robust=robust, progress=bar, name=name
         )
-    folder = Path(f"{log.resolve().stem}-noise") if out is None else out
     files = write_report(folder, recordings, noise, figures=figures) if report else {}
     if not noise.axes:
         raise InputError(nothing_left(noise))

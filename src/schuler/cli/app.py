@@ -11,6 +11,7 @@ app = App(
     help="Inertial navigation workbench: from an IMU log to position, velocity, attitude and honest uncertainty.",
     help_format="plaintext",
     version=lambda: version("schuler"),
+    suppress_keyboard_interrupt=False,  # the command line says so itself, and ends with its own code
 )
 
 #: Option of every command that writes; the command line takes it before the command sees its own (:func:`.main`).

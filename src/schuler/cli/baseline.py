@@ -12,7 +12,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from schuler import frames, units
-from schuler.cli.output import Flag, Folder, print_json, print_verdict, say
+from schuler.cli.output import Flag, Folder, print_json, print_verdict, say, writable
 from schuler.cli.reading import Part, read_log
 from schuler.exceptions import InputError
 from schuler.recording.recording import Metadata, Recording
@@ -121,6 +121,7 @@ def baseline(
     antennas = antenna_pair(
         messages.antennas, (measured[0].antenna, measured[1].antenna), (rover_antenna, base_antenna), notes
     )
+    folder = writable(Path(f"{rover.resolve().stem}-baseline")) if out is None else out
     eccentricities_n = _eccentricities(measured, notes) if marks else None
     try:
         solution = solve_baseline(
@@ -132,7 +133,6 @@ def baseline(
     except InputError as error:
         text = str(error).replace("base_llh:", "--base-position:").replace("[rad, rad, m]", "degrees,degrees,metres")
         raise InputError(text) from None
-    folder = Path(f"{rover.resolve().stem}-baseline") if out is None else out
     files = {"table": solution.table().to_csv(folder / "baseline.csv")}
     if solution.ok.any():
         sources = {**roving.metadata.sources, **fixed_station.metadata.sources}

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from schuler.cli.configuration import entries
-from schuler.cli.output import Flag, Folder, Texts, drawable, named, print_json, progress
+from schuler.cli.output import Flag, Folder, Texts, drawable, named, print_json, progress, writable
 from schuler.exceptions import InputError
 
 if TYPE_CHECKING:
@@ -100,8 +100,8 @@ def budget(
     specs = [_spec(name) for name in imu]
     if not specs and not bounds:
         raise InputError("--imu: expected at least one IMU, or a requirement to rank the catalogue by (--require)")
+    folder = writable(Path(f"{scenario.resolve().stem}-budget")) if out is None else out
     mission = prepare_budget(loaded)
-    folder = Path(f"{scenario.resolve().stem}-budget") if out is None else out
     files: dict[str, Path] = {}
     budgets, choices, texts = [], [], []
     for spec in specs:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 from cyclopts import Parameter
 
 from schuler import units as u
-from schuler.cli.output import File, Flag, Folder, progress
+from schuler.cli.output import File, Flag, Folder, progress, writable
 from schuler.cli.reading import Checking, Reading
 from schuler.exceptions import InputError
 from schuler.files import note_input
@@ -149,9 +149,11 @@ class Output:
     json: Flag = False
 
     def check(self) -> None:
-        """Refuse, before the work, a date that is none and a certificate of no unit."""
+        """Refuse, before the work, a date that is none, a certificate of no unit and a place that cannot be written."""
         from schuler.calibration.result.session import Session
 
+        if self.out is None:
+            writable(Path())
         Session(date=self.date)
         if self.certificate is not None and not self.serial.strip():
             raise InputError("--certificate: expected the serial number of the unit with it (--serial), got none")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from schuler.cli.configuration import configuration, entries
-from schuler.cli.output import Flag, Folder, Texts, drawable, named, print_json, progress
+from schuler.cli.output import Flag, Folder, Texts, drawable, named, print_json, progress, writable
 from schuler.cli.reading import Part
 from schuler.exceptions import InputError, SchulerError
 
@@ -102,6 +102,7 @@ def compare(
     loaded = configuration(config, entries(set_), outage, outage_every)
     names = None if modes is None else [text for text in modes.split(",") if text.strip()]
     numbers = None if lengths is None else _lengths(lengths)
+    folder = writable(Path(f"{log.resolve().stem}-comparison")) if out is None else out
     recording = checked(part.of(read_log(log, config)), unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
     with progress("comparing") as bar:
         comparison = compare_architectures(recording, loaded, modes=names, smooth=smooth, progress=bar)
@@ -114,7 +115,6 @@ def compare(
             if not one.complete:
                 break
     complete = comparison.complete and all(s.complete for s in statistics)
-    folder = Path(f"{log.resolve().stem}-comparison") if out is None else out
     files = _write(folder, comparison, statistics, figures=figures)
     if json:
         data: dict[str, Any] = {"command": "compare", **comparison.to_dict(), "complete": complete}
@@ -147,6 +147,7 @@ def _compare_runs(
             "compare: expected two runs or more, or one and its --reference, or a log with --config; got "
             f"{', '.join(map(str, runs)) or 'none'}"
         )
+    folder = writable(Path(f"{runs[0].resolve().stem}-comparison")) if out is None else out
     hints = {} if origin is None else {"origin": origin}
 
     def read(path: Path) -> Run:
@@ -163,7 +164,6 @@ def _compare_runs(
         )
     except InputError as error:
         raise InputError(str(error).replace("bounds: ", "--max: ", 1)) from None
-    folder = Path(f"{runs[0].resolve().stem}-comparison") if out is None else out
     files = {"table": comparison.to_csv(folder / "runs.csv")}
     if report:
         files["report"] = comparison.report(folder / "runs.html")

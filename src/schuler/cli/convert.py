@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from schuler import units
-from schuler.cli.output import Flag, print_json, say
+from schuler.cli.output import Flag, print_json, say, writable
 from schuler.cli.reading import LogHints
 from schuler.gnss.signals import satellite_name
 from schuler.recording.recording import TIMED, Recording
@@ -34,6 +34,7 @@ def convert(log: Path, out: Path, /, *, to: str | None = None, json: Flag = Fals
     from schuler.recording.io import write
     from schuler.recording.io.dispatch import left_out
 
+    writable(out.parent)
     recording = hints.read(log)
     written = write(recording, out, format=to)
     missing = left_out(recording, out, to)

@@ -11,7 +11,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.cli.navigate import sentences, write_outputs
-from schuler.cli.output import Flag, Folder, drawable, print_json, print_verdict, progress, say, tabled
+from schuler.cli.output import Flag, Folder, drawable, print_json, print_verdict, progress, say, tabled, writable
 from schuler.files import outputs, read_toml, replacing, write_text
 from schuler.navigation.evaluation.evaluated import EvaluatedRun, evaluate_run
 
@@ -39,6 +39,7 @@ def demo(
         Print one JSON object instead of text.
     """
     began = time.perf_counter()
+    folder = writable(Path("demo")) if out is None else out
     figures, tables = drawable(figures), tabled()
     say("simulating ten minutes of driving: MEMS IMU at 100 Hz, GNSS at 1 Hz, 40 s without GNSS")
     with progress("running the demo") as bar:
@@ -48,9 +49,7 @@ def demo(
     numbers["nees_mean"], numbers["nees_runs"] = repeated, _RUNS
     numbers["max_horizontal_outage_m"] = max(o["max_horizontal_m"] for o in numbers["outages"])
     numbers["smoothed_rms_horizontal_m"] = numbers["smoothed"]["rms_horizontal_m"]
-    written = write_outputs(
-        Path("demo") if out is None else out, recording, outcome, report=report, figures=figures, tables=tables
-    )
+    written = write_outputs(folder, recording, outcome, report=report, figures=figures, tables=tables)
     numbers["elapsed_s"] = time.perf_counter() - began
     if json:
         print_json({"command": "demo", **numbers, "files": written})

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from schuler.cli.configuration import configuration, entries
-from schuler.cli.output import Flag, Folder, Texts, print_json, say
+from schuler.cli.output import Flag, Folder, Texts, print_json, say, writable
 from schuler.cli.reading import Part
 from schuler.exceptions import InputError
 
@@ -60,6 +60,7 @@ def export(
 
     changes = [*entries(set), *((f"aiding.{name}", None) for name in without)]
     loaded = configuration(config, changes, (), None)
+    folder = writable(Path(f"{config.resolve().stem}-c")) if out is None else out
     check_exported(loaded)
     if log is None:
         loaded, prepared = simulated_run(loaded, 100.0 if rate_hz is None else rate_hz)
@@ -72,7 +73,6 @@ def export(
             raise InputError("--rate-hz: the log says the sample rate; give one of them")
         recording = checked(part.of(read_log(log, config)), unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
         prepared = prepared_run(recording, loaded)
-    folder = Path(f"{config.resolve().stem}-c") if out is None else out
     files = write_filter(folder, loaded, prepared, seconds)
     design = filter_design(loaded, prepared)
     numbers = {

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from schuler import units
-from schuler.cli.output import Flag, Folder, drawable, named, print_json, print_verdict, progress, say, tabled
+from schuler.cli.output import Flag, Folder, drawable, named, print_json, print_verdict, progress, say, tabled, writable
 from schuler.cli.reading import Reading, is_trial
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
@@ -68,6 +68,7 @@ def foot(
     figures, tables = drawable(report), tabled()
     config = FootConfig() if reading.config is None else FootConfig.load(reading.config)
     config = _changed(config, detector=detector, threshold=threshold, smooth=smooth, heading=heading)
+    folder = writable(Path(f"{log.resolve().stem}-walk")) if out is None else out
     recording, stored = read_foot_log(log, reading)
     if labels is not None and stored is None:
         raise InputError(f"--labels: {log} is not a PyShoe trial and has no labels")
@@ -77,7 +78,6 @@ def foot(
     result, errors = _compared(recording, result)
     numbers = walk_numbers(result, errors)
     numbers["elapsed_s"] = time.perf_counter() - began
-    folder = Path(f"{log.resolve().stem}-walk") if out is None else out
     files = write_walk(folder, result, errors, figures=figures, tables=tables)
     if json:
         print_json({"command": "foot", **numbers, "files": files})

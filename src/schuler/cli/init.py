@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from schuler.cli.configuration import entries
-from schuler.cli.output import File, Flag, Texts, print_json
+from schuler.cli.output import File, Flag, Texts, print_json, writable
 from schuler.cli.proposal import proposed
 from schuler.cli.reading import Part
 from schuler.exceptions import InputError
@@ -45,6 +45,7 @@ def init(
     if not logs:
         raise InputError("init: expected a file or folder, got none")
     target = Path("drive.toml") if out is None else out
+    writable(target.parent)
     proposal = proposed(logs, imu, entries(set), trials=trials, part=part)
     write_text(target, proposal.toml())
     if json:

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from schuler.cli.output import Flag, Folder, drawable, named, print_json, progress, say
+from schuler.cli.output import Flag, Folder, drawable, named, print_json, progress, say, writable
 from schuler.exceptions import InputError
 
 if TYPE_CHECKING:
@@ -72,6 +72,7 @@ def montecarlo(
     if resume and store is None:
         raise InputError("--resume: say which store is to be gone on with (--store)")
     figures = drawable(report)
+    folder = writable(Path(f"{scenario.resolve().stem}-montecarlo")) if out is None else out
     job, file = read_job(scenario, config, engine)
     function, why = runner(job, file.engine)
     count = file.runs if runs is None else runs
@@ -88,7 +89,6 @@ def montecarlo(
         say("two runs or more are needed for statistics")
         return 1
     errors = scatter(done, job)
-    folder = Path(f"{scenario.resolve().stem}-montecarlo") if out is None else out
     files = _write(errors, folder)
     if report:
         from schuler.montecarlo.report import all_figures

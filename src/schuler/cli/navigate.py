@@ -8,7 +8,19 @@ from pathlib import Path
 from typing import Any, Literal
 
 from schuler.cli.configuration import configuration, entries, with_outages
-from schuler.cli.output import Flag, Folder, Texts, drawable, named, print_json, print_verdict, progress, say, tabled
+from schuler.cli.output import (
+    Flag,
+    Folder,
+    Texts,
+    drawable,
+    named,
+    print_json,
+    print_verdict,
+    progress,
+    say,
+    tabled,
+    writable,
+)
 from schuler.cli.proposal import proposed
 from schuler.cli.reading import Part, is_trial
 from schuler.cli.rerun import write_run
@@ -97,6 +109,8 @@ def navigate(
     began = time.perf_counter()
     if not logs:
         raise InputError("navigate: expected a file or folder, got none")
+    if out is None:
+        writable(Path())
     compile_filter_beside()
     figures, tables = drawable(figures), tabled()
     changes = entries(set)

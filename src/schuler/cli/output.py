@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 from cyclopts import Parameter
 
-from schuler.exceptions import missing_extra
+from schuler.exceptions import InputError, missing_extra
 from schuler.files import check_writable, json_text
 
 if TYPE_CHECKING:
@@ -35,6 +35,15 @@ def _folder(_: Any, path: Path | None) -> None:
         except OSError as error:
             reason = f"{path} cannot be written: {error.strerror}"
             raise ValueError(f"Expected a place to write to; {reason}: give another name.") from None
+
+
+def writable(folder: Path) -> Path:
+    """A folder for results that no option names, refused before the work if it cannot be written."""
+    try:
+        _folder(None, folder)
+    except ValueError as error:
+        raise InputError(str(error)) from None
+    return folder
 
 
 def _file(_: Any, path: Path | None) -> None:

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from schuler import units
 from schuler.cli.baseline import ephemerides_of
-from schuler.cli.output import Flag, Folder, print_json, print_verdict, progress, say
+from schuler.cli.output import Flag, Folder, print_json, print_verdict, progress, say, writable
 from schuler.cli.reading import Part
 from schuler.exceptions import FileFormatError, InputError
 from schuler.gnss.atmosphere import Ionosphere, Troposphere
@@ -110,6 +110,7 @@ def points(
         from schuler.navigation.report.backdrop import read_backdrop
 
         backdrop = read_backdrop(background)
+    folder = writable(Path(f"{log.resolve().stem}-points")) if out is None else out
     options: dict[str, Any] = {
         "systems": systems, "elevation_mask": elevation_mask * units.DEG, "cn0_mask": cn0_mask,
         "ionosphere": ionosphere, "troposphere": troposphere,
@@ -134,7 +135,6 @@ def points(
         "log": about.name, "sources": about.sources,
         "options": {**options, "elevation_mask": f"{elevation_mask:g} deg", "risk": risk, "alert_limit": alert_limit},
     }  # fmt: skip
-    folder = Path(f"{log.resolve().stem}-points") if out is None else out
     evaluation, files = _write(folder, evaluation, about)
     if report:
         from schuler.navigation.report.points import points_report

@@ -7,7 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from schuler.cli.output import Flag, Folder, print_json, progress, say, tabled
+from schuler.cli.output import Flag, Folder, print_json, progress, say, tabled, writable
 from schuler.exceptions import InputError
 from schuler.files import json_text, write_text
 
@@ -46,9 +46,9 @@ def rerun(
     path = run.log if log is None else log
     if not path.exists():
         raise InputError(f"{path}: expected the log of the run, got no such file; say where it is with --log")
+    place = writable(folder.resolve().parent / f"{folder.resolve().name}-rerun") if out is None else out
     with progress("navigating") as bar:
         again = repeat(folder, read_log(path, run.configuration), progress=bar)
-    place = folder.resolve().parent / f"{folder.resolve().name}-rerun" if out is None else out
     files = write_outputs(place, again.recording, again.run, report=report, figures=False, tables=tables)
     files |= write_run(
         place, path, again.recording, again.config, again.run.numbers, part=Part(*run.part), unchecked=run.unchecked

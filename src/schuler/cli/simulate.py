@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from schuler.cli.output import File, Flag, print_json, say
+from schuler.cli.output import File, Flag, print_json, say, writable
 
 
 def simulate(scenario: Path, /, *, out: File = None, seed: int | None = None, json: Flag = False) -> None:
@@ -31,9 +31,10 @@ def simulate(scenario: Path, /, *, out: File = None, seed: int | None = None, js
 
     began = time.perf_counter()
     loaded = Scenario.load(scenario)
+    path = Path(f"{loaded.name}.parquet") if out is None else out
+    writable(path.parent)
     used = loaded.seed if seed is None else seed
     simulation = simulate_mission(prepare_mission(loaded), np.random.default_rng(used))
-    path = Path(f"{loaded.name}.parquet") if out is None else out
     written = write(simulation.recording, path)
     missing = left_out(simulation.recording, path)
     if json:

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from schuler.cli.configuration import configuration, entries
-from schuler.cli.output import File, Flag, Texts, print_json
+from schuler.cli.output import File, Flag, Texts, print_json, writable
 from schuler.cli.reading import Part
 
 _ALL = Part()
@@ -58,6 +58,8 @@ def tune(
     began = time.perf_counter()
     loaded = configuration(config, entries(set), outage, outage_every)
     recording = checked(part.of(read_log(log, config)), unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
+    if not dry_run:
+        writable((config if out is None else out).parent)
     result = tune_noise(recording, loaded)
     written = None
     if result.better and not dry_run:

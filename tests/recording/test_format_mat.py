@@ -1,6 +1,7 @@
 """MATLAB files of NaveGo and PSINS, written by SciPy; the names in them seen without loading."""
 
 import struct
+import tracemalloc
 import zlib
 
 import numpy as np
@@ -139,6 +140,28 @@ def test_a_claimed_size_is_not_allocated(tmp_path, compress):
         file.write_bytes(data[:128] + struct.pack("<II", 15, len(packed)) + packed)
         with pytest.raises(FileFormatError, match=r"claims? 2000000000"):
             read(file, format="navego")
+
+
+@pytest.mark.parametrize("head", [b"", b"MATLAB 5.0 MAT-file"])
+def test_a_file_of_chance_takes_no_memory(tmp_path, head):
+    """Errors keep what their functions held: a log that several readers try was in memory as often."""
+    path = tmp_path / "a.mat"
+    path.write_bytes(head + np.random.default_rng(0).bytes(4_000_000))
+    tracemalloc.start()
+    try:
+        errors = []
+        for _ in range(3):
+            with pytest.raises(FileFormatError) as caught:
+                matlab.load(path)
+            errors.append(caught)
+        assert tracemalloc.get_traced_memory()[1] < 200_000
+    finally:
+        tracemalloc.stop()
+
+
+def test_an_empty_file_has_no_variables(tmp_path):
+    (tmp_path / "a.mat").touch()
+    assert matlab.load(tmp_path / "a.mat") == {}
 
 
 @pytest.mark.realdata

@@ -9,6 +9,8 @@ is read as text.
 from __future__ import annotations
 
 import math
+import mmap
+import os
 import struct
 import zlib
 from collections.abc import Collection, Iterable
@@ -91,19 +93,22 @@ def load(path: Path, names: Collection[str] | None = None) -> dict[str, Value]:
         If the file is cut off or damaged, with the byte of the variable; or of version 7.3.
     """
     try:
-        content = path.read_bytes()
+        with path.open("rb") as stream:
+            # mapped, not read: errors keep what their functions held, and a log may be tried several times
+            empty = not stream.seek(0, os.SEEK_END)
+            data = memoryview(b"" if empty else mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ))
     except OSError as error:
         raise FileFormatError(f"cannot be opened ({error.strerror})", path) from error
-    if content.startswith(b"MATLAB 7.3"):
+    head = bytes(data[:_HEADER])
+    if head.startswith(b"MATLAB 7.3"):
         raise FileFormatError("is a MATLAB 7.3 file (HDF5) where an older one is expected: save it with '-v7'", path)
-    five = content.startswith(b"MATLAB 5.0") or content[124:128] in (b"\x00\x01IM", b"\x01\x00MI")
+    five = head.startswith(b"MATLAB 5.0") or head[124:] in (b"\x00\x01IM", b"\x01\x00MI")
     values: dict[str, Value] = {}
     held = 0
     at = _HEADER if five else 0
-    data = memoryview(content)  # parts of it are not copied
     if five and len(data) < _HEADER:
         raise FileFormatError("cannot be read as a MATLAB file (a header of 128 bytes is cut off)", path)
-    order = ">" if five and content[126:128] == b"MI" else "<"
+    order = ">" if five and head[126:] == b"MI" else "<"
     try:
         while at < len(data):
             name, value, after = _next(data, at, order, names) if five else _next_4(data, at, names)

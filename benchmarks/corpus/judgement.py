@@ -9,6 +9,7 @@ import numpy as np
 
 from schuler import frames
 from schuler.arrays import BoolArray, FloatArray
+from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.navigation.evaluation.consistency import chi_square_band
 from schuler.navigation.result import NavigationResult
 from schuler.recording.series import GnssSeries
@@ -98,7 +99,8 @@ def antenna_covariance(result: NavigationResult) -> FloatArray:
     With a lever arm or time offset that is estimated the antenna at a fix is better known than the IMU:
     ``dr + dpsi x l + C_nb dl + v dt``.
     """
-    P = result.covariance
+    T = ecef_from_ned_states(result.states.llh, result.layout.size)
+    P = np.swapaxes(T, 1, 2) @ result.filter_covariance_e() @ T  # fixes place the antenna, whatever the attitude is
     H = np.zeros((len(P), 3, P.shape[1]))
     H[:, :, 6:9] = np.eye(3)
     if "lever" in result.layout:

@@ -61,6 +61,25 @@ def test_it_is_the_batch_smoother_of_the_data_so_far(recording):
     assert np.all(got.sigma_r_n < filtered.sigma_r_n)  # what came later tells more
 
 
+def test_attitudes_are_claimed_as_by_a_batch_run(recording):
+    """No better than the budget's misalignment, filtered and smoothed, as long as the filter knows them better."""
+    imu = {triad: {**terms, "misalignment_mrad": 30.0} for triad, terms in cases.CONFIG["imu"].items()}
+    config = {**SMOOTHED, "imu": imu}
+    live = LiveNavigator.from_config(config, kind=recording.imu.kind, smoother_lag_s=5.0)
+    fed_until(live, recording, 60.005)
+    batch = navigate(recording.between(0.0, live.solution().t), config, initial=live.initial)
+    for got in (live.solution(), live.smoothed()):
+        np.testing.assert_allclose(got.sigma_psi_n, 0.03, rtol=1e-9)  # rounding
+    np.testing.assert_allclose(np.diag(live.covariance)[:3], 9e-4, rtol=1e-9)
+    np.testing.assert_allclose(np.diag(batch.covariance[-1])[:3], 9e-4, rtol=1e-9)
+    own = batch.state_at(-1).P
+    assert own[0, 0] < 1e-4
+    # the newest propagation is up to a tenth of a second from the last record; discretisation
+    kept = live._running().covariance_n
+    np.testing.assert_allclose(np.sqrt(np.diag(kept)), np.sqrt(np.diag(own)), rtol=0.02)
+    np.testing.assert_array_equal(live.covariance[3:], kept[3:])
+
+
 def test_late_fixes_are_in_it(recording):
     """Fixes a second late: those that came are in the solution, those under way are not."""
     live = LiveNavigator.from_config(SMOOTHED, kind=recording.imu.kind, smoother_lag_s=8.0, lag_s=3.0)

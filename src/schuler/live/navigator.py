@@ -31,7 +31,7 @@ from schuler.live.messages import (
     Speed,
 )
 from schuler.live.queue import SIZE, Queue
-from schuler.live.run import LiveRun, solution
+from schuler.live.run import LiveRun
 from schuler.live.smoothing import smoothed
 from schuler.live.stream import LiveStream
 from schuler.navigation.config import NavigationConfig
@@ -222,7 +222,7 @@ class LiveNavigator:
             return None
         run.filter.run()
         arrays = run.filter.state.arrays
-        return solution(float(arrays.times[0]), arrays.nav, arrays.P, self._stream.health)
+        return run.solution(float(arrays.times[0]), arrays.nav, arrays.P, self._stream.health)
 
     def smoothed(self) -> Solution | None:
         """Solution ``smoother_lag_s`` before the newest sample, by the batch smoother with all that came so far.
@@ -245,7 +245,7 @@ class LiveNavigator:
             return None
         nav, P = state
         at = np.concatenate((nav.q_eb, nav.v_eb_e, nav.r_eb_e))
-        return solution(nav.t, at, P, self._stream.health, self.smoother_lag_s)
+        return run.solution(nav.t, at, P, self._stream.health, self.smoother_lag_s)
 
     @property
     def health(self) -> Health:
@@ -278,7 +278,7 @@ class LiveNavigator:
     @property
     def covariance(self) -> FloatArray:
         """Covariance at its last propagation, navigation errors in north-east-down axes. Shape (n, n)."""
-        return self._running().covariance_n
+        return self._running().claimed_covariance_n
 
     def _running(self) -> LiveRun:
         run = self._aligned()

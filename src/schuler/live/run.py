@@ -22,9 +22,11 @@ from schuler.live.replay import ReplayFilter
 from schuler.live.warm import Kept, stood
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import NavigationConfig
+from schuler.navigation.inputs.imu_axes import axes_covariance, claimed_attitude
 from schuler.navigation.start.calibration import configured_start
 from schuler.navigation.states import imu_spec
 from schuler.recording.series import ImuSeries, Kind
+from schuler.rotation import dcm_from_quat
 
 _NO_SAMPLES = ImuSeries(np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
 
@@ -44,6 +46,8 @@ class LiveRun:
     preparation : SamplePreparation
     aids : LiveAids
     monitor : HealthMonitor
+    axes_covariance_b : ndarray, shape (3, 3)
+        What is not known of the sensors' axes, see :func:`schuler.navigation.inputs.imu_axes.axes_covariance`. [rad^2]
     judged_at : float
         Time of the newest look at the health. [s]
     """
@@ -55,15 +59,38 @@ class LiveRun:
     preparation: SamplePreparation
     aids: LiveAids
     monitor: HealthMonitor
+    axes_covariance_b: FloatArray
     judged_at: float = -math.inf
 
     @property
     def covariance_n(self) -> FloatArray:
-        """Covariance at its last propagation, navigation errors in north-east-down axes. Shape (n, n)."""
+        """The filter's covariance at its last propagation, navigation errors north-east-down. Shape (n, n)."""
+        return self._in_ned(self.filter.state.covariance_e)
+
+    @property
+    def claimed_covariance_n(self) -> FloatArray:
+        """The same, with the attitude claimed as its axes are known. Shape (n, n)."""
         state = self.filter.state
-        T = ecef_from_ned_states(state.navigation.llh, state.layout.size)
-        rotated: FloatArray = T.T @ state.covariance_e @ T
+        return self._in_ned(self._claimed(state.navigation.q_eb, state.covariance_e))
+
+    def _in_ned(self, P_e: FloatArray) -> FloatArray:
+        T = ecef_from_ned_states(self.filter.state.navigation.llh, len(P_e))
+        rotated: FloatArray = T.T @ P_e @ T
         return 0.5 * (rotated + rotated.T)
+
+    def _claimed(self, q_eb: FloatArray, covariance_e: FloatArray) -> FloatArray:
+        """A covariance whose first errors are those of an attitude, with this claimed as its axes are known."""
+        if not self.axes_covariance_b.any():
+            return covariance_e
+        P = covariance_e.copy()
+        P[:3, :3] = claimed_attitude(P[:3, :3], dcm_from_quat(q_eb), self.axes_covariance_b)
+        return P
+
+    def solution(
+        self, t: float, nav: FloatArray, covariance_e: FloatArray, health: Health, smoother_lag_s: float = 0.0
+    ) -> Solution:
+        """:func:`solution` of a state of this run, with the attitude claimed as its axes are known."""
+        return solution(t, nav, self._claimed(nav[:4], covariance_e), health, smoother_lag_s)
 
     @property
     def is_broken(self) -> bool:
@@ -153,13 +180,14 @@ class LiveRun:
                 f"calibration: the saved run was started with {provenance}, now it is {given}; give the same, or start "
                 "anew"
             )
-        run, i = ReplayFilter.restored(document["filter"]), document["initial"]
+        run, i, spec = ReplayFilter.restored(document["filter"]), document["initial"], imu_spec(config)
         preparation = SamplePreparation(config, kind, run.interval_s, calibrated)
         preparation.restore(document["preparation"])
         return cls(
             InitialState(NavState(i["t"], i["r_eb_e"], i["v_eb_e"], i["q_eb"]), i["P"], i["parameters"]),
-            provenance, temperature, run, preparation, LiveAids.restored(config, imu_spec(config), document["aids"]),
-            HealthMonitor.restored(document["monitor"]), document["judged_at"],
+            provenance, temperature, run, preparation, LiveAids.restored(config, spec, document["aids"]),
+            HealthMonitor.restored(document["monitor"]),
+            axes_covariance(spec, run.layout, config.aiding, calibrated), document["judged_at"],
         )  # fmt: skip
 
 

@@ -108,7 +108,7 @@ def start(
     aids = LiveAids(config, prepared.spec, initial.nav.t, collection.origin, imu, interval, clocks)
     run = LiveRun(
         initial, None if calibrated is None else calibrated.provenance, float(np.mean(raw["temperature"])), replay,
-        preparation, aids, HealthMonitor(placed=initial.nav.t, by_ranges=bool(clocks)),
+        preparation, aids, HealthMonitor(placed=initial.nav.t, by_ranges=bool(clocks)), prepared.axes_covariance_b,
     )  # fmt: skip
     return Start(run, samples, tuple(sentences))
 

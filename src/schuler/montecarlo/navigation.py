@@ -78,7 +78,7 @@ def _errors(result: NavigationResult, at: IntArray, plan: Plan) -> tuple[FloatAr
     T = np.zeros((len(at), 9, 9))
     for k in (0, 3, 6):
         T[:, k : k + 3, k : k + 3] = C
-    P: FloatArray = T @ result.covariance_e[at, :9, :9] @ np.swapaxes(T, 1, 2)
+    P: FloatArray = T @ result.filter_covariance_e(at)[:, :9, :9] @ np.swapaxes(T, 1, 2)
     return np.einsum("nij,nj->ni", T, dx), P
 
 

@@ -20,7 +20,9 @@ from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import DIMENSIONS, KINDS, REJECTED, STATUS, MeasurementSchedule, merged
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
+from schuler.navigation.inputs.imu_axes import claimed_attitude
 from schuler.navigation.recent_samples import RecentSamples, Sample
+from schuler.rotation import dcm_from_quat
 
 MAX_AHEAD_S = 86_400.0  # a measurement stamped later than the newest sample by more is of another clock [s]
 
@@ -69,6 +71,9 @@ class Navigator:
         Longest step from sample to sample; longer ones are refused. [s]
     keep : int
         Number of :attr:`outcomes` and :attr:`notes` that are kept, the newest.
+    axes_covariance_b : array_like, shape (3, 3), optional
+        What is not known of the sensors' axes, of :func:`~schuler.navigation.inputs.imu_axes.axes_covariance`: no
+        attitude is claimed better than that. [rad^2]
     on_outcome : callable, optional
         Called with every :class:`Outcome`.
 
@@ -90,6 +95,7 @@ class Navigator:
         delay_s: float = 0.0,
         max_gap_s: float = 2.0,
         keep: int = 10_000,
+        axes_covariance_b: ArrayLike | None = None,
         on_outcome: Callable[[Outcome], None] | None = None,
     ) -> None:
         if not (math.isfinite(interval_s) and interval_s > 0.0 and math.isfinite(delay_s) and delay_s >= 0.0):
@@ -98,6 +104,8 @@ class Navigator:
             raise InputError(f"expected max_gap_s > interval_s and keep >= 1, got {max_gap_s} and {keep}")
         self.layout = layout
         self.interval_s, self.delay_s, self.max_gap_s, self.keep = interval_s, delay_s, max_gap_s, keep
+        given = np.zeros((3, 3)) if axes_covariance_b is None else axes_covariance_b
+        self._axes_b = as_floats(given, "axes_covariance_b", (3, 3))
         self._filter = FilterState(initial, layout, gyro_psd, accel_psd, options or FilterOptions(), interval_s)
         self._bridges = self._filter.options.gap_s is None
         self._recent = RecentSamples(interval_s)
@@ -217,10 +225,14 @@ class Navigator:
         """Covariance at its last propagation, navigation errors in north-east-down axes. Shape (n, n).
 
         Symmetric, and positive definite to the rounding of its elements: eigenvalues of matrices with mixed units are
-        not, below 1e-16 of the largest; test those of the correlations, or a Cholesky factor.
+        not, below 1e-16 of the largest; test those of the correlations, or a Cholesky factor. The attitude is claimed
+        no better than ``axes_covariance_b`` allows; the filter goes on without that.
         """
-        T = ecef_from_ned_states(self.state.llh, self.layout.size)
-        rotated: FloatArray = T.T @ self._filter.covariance_e @ T
+        P, state = self._filter.covariance_e, self.state
+        if self._axes_b.any():
+            P[:3, :3] = claimed_attitude(P[:3, :3], dcm_from_quat(state.q_eb), self._axes_b)
+        T = ecef_from_ned_states(state.llh, self.layout.size)
+        rotated: FloatArray = T.T @ P @ T
         return 0.5 * (rotated + rotated.T)
 
     @property
@@ -280,6 +292,7 @@ class Navigator:
             "options": asdict(f.options),
             "interval_s": self.interval_s, "delay_s": self.delay_s, "max_gap_s": self.max_gap_s, "keep": self.keep,
             "psd": f.model.psd.copy(),
+            "axes_covariance_b": self._axes_b.copy(),
             "arrays": {name: np.array(value) for name, value in zip(f.arrays._fields, f.arrays, strict=True)},
             "recent": {"rows": r.rows.copy(), "largest": r.largest.copy(), "count": r.count.copy()},
             "waiting": np.array([np.hstack(w) for w in self._waiting]).reshape(-1, 10),
@@ -365,7 +378,8 @@ def _restored(document: dict[str, Any], on_outcome: Callable[[Outcome], None] | 
     live = Navigator(
         InitialState(state, np.zeros((n, n)), np.zeros(n - 9)), layout, psd[:3], psd[3:],
         interval_s=document["interval_s"], delay_s=document["delay_s"], max_gap_s=document["max_gap_s"],
-        keep=document["keep"], options=FilterOptions(**document["options"]), on_outcome=on_outcome,
+        keep=document["keep"], options=FilterOptions(**document["options"]),
+        axes_covariance_b=document.get("axes_covariance_b"), on_outcome=on_outcome,
     )  # fmt: skip
     f, r = live._filter, live._recent
     pairs = [(getattr(f.arrays, name), document["arrays"][name], name) for name in f.arrays._fields]

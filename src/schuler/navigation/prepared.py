@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from schuler.arrays import FloatArray
 from schuler.filtering.engine import FilterOptions, ForwardRun, Progress, run
 from schuler.filtering.initial_state import InitialState
@@ -41,6 +43,8 @@ class PreparedRun:
     calibrated : CalibrationStart, optional
     ranges, points : Ranges, Points, optional
         Of a tightly coupled run.
+    axes_covariance_b : ndarray, shape (3, 3)
+        What is not known of the sensors' axes, see :func:`schuler.navigation.inputs.imu_axes.axes_covariance`. [rad^2]
     fixes_later_s : float
         Time by which GNSS fixes are taken later than their stamps; ``delay`` is what is left. [s]
     """
@@ -58,6 +62,7 @@ class PreparedRun:
     calibrated: CalibrationStart | None = field(default=None, repr=False)
     ranges: Ranges | None = field(default=None, repr=False)
     points: Points | None = field(default=None, repr=False)
+    axes_covariance_b: FloatArray = field(default_factory=lambda: np.zeros((3, 3)), repr=False)
     fixes_later_s: float = 0.0
 
     def run(self, progress: Progress | None = None) -> ForwardRun:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schuler import frames, units
+from schuler import frames, rotation, units
 from schuler.arrays import ArrayLike, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.filtering.engine import ForwardRun, unpack_symmetric
@@ -21,6 +21,7 @@ from schuler.filtering.measurements import ACCEPTED, CLONE, DIMENSIONS, FORCED, 
 from schuler.filtering.node_parts import NodeParts
 from schuler.filtering.states import BLOCK_TEXT, StateLayout
 from schuler.mechanization.strapdown import NavState
+from schuler.navigation.inputs.imu_axes import claimed_attitude
 from schuler.plotting.notebook import Displayed
 from schuler.recording.trajectory import FullTrajectory, Trajectory
 
@@ -120,7 +121,8 @@ class NavigationResult(Displayed):
     parameters : ndarray, shape (k, m)
         Parameter estimates at the records, order of the layout.
     covariance_e : ndarray, shape (k, n, n)
-        Covariance at the records, navigation errors in Earth-fixed axes.
+        Covariance at the records, navigation errors in Earth-fixed axes. The attitude is claimed no better than
+        ``axes_covariance_b`` allows; :meth:`filter_covariance_e` is without that.
     innovations : Innovations
     layout : StateLayout
     smoothed : bool
@@ -135,6 +137,9 @@ class NavigationResult(Displayed):
         Package version, options, input hashes.
     notes : tuple of str
         What was assumed, repaired or left out.
+    axes_covariance_b : ndarray, shape (3, 3)
+        Covariance of the rotation between body and sensors' axes that no state stands for, body axes, see
+        :func:`~schuler.navigation.inputs.imu_axes.axes_covariance`. [rad^2]
     ranges : Ranges, optional
         Ranges of a tightly coupled run, with the reason of each that was not used. Not in files.
     points : PointSolution, optional
@@ -156,9 +161,11 @@ class NavigationResult(Displayed):
     lever_arm_b: FloatArray = field(default_factory=lambda: np.zeros(3))
     provenance: dict[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    axes_covariance_b: FloatArray = field(default_factory=lambda: np.zeros((3, 3)), repr=False)
     ranges: Ranges | None = field(default=None, repr=False, compare=False)
     points: PointSolution | None = field(default=None, repr=False, compare=False)
     _nodes: SmootherNodes | NodeParts | None = field(default=None, repr=False, compare=False)
+    _attitude_e: FloatArray | None = field(default=None, repr=False, compare=False)  # the filter's, where claims differ
 
     @classmethod
     def from_run(
@@ -184,13 +191,47 @@ class NavigationResult(Displayed):
             complete=forward.complete,
             _nodes=forward.nodes,
             **rest,
-        )
+        )._claimed()
+
+    def _claimed(self) -> NavigationResult:
+        """The same, with the attitude claimed as its axes are known: ``covariance_e``, the filter's, is changed."""
+        if not self.axes_covariance_b.any():
+            return self
+        P = self.covariance_e[:, :3, :3]
+        own = P.copy()
+        P[:] = claimed_attitude(own, rotation.dcm_from_quat(self.states.q_eb), self.axes_covariance_b)
+        return replace(self, _attitude_e=own)
+
+    def filter_covariance_e(self, records: ArrayLike | slice = slice(None)) -> FloatArray:
+        """Covariance of filter or smoother alone at records: the attitude is that of the sensors' axes.
+
+        What a run goes on with, and what a point of the body is known to that measurements place.
+
+        Parameters
+        ----------
+        records : slice or array_like
+            Index of the records; default all.
+
+        Returns
+        -------
+        ndarray, shape (k, n, n)
+            Navigation errors in Earth-fixed axes.
+        """
+        at: Any = records
+        P: FloatArray = self.covariance_e[at]
+        if self._attitude_e is not None:
+            P = P.copy()
+            P[..., :3, :3] = self._attitude_e[at]
+        return P
 
     @property
     def covariance(self) -> FloatArray:
         """Covariance at the records with navigation errors in north-east-down axes. Shape (k, n, n)."""
-        T = ecef_from_ned_states(self.states.llh, self.layout.size)
-        rotated: FloatArray = np.swapaxes(T, -1, -2) @ self.covariance_e @ T
+        return self._in_ned(self.covariance_e)
+
+    def _in_ned(self, P_e: FloatArray, records: slice = slice(None)) -> FloatArray:
+        T = ecef_from_ned_states(self.states.llh[records], self.layout.size)
+        rotated: FloatArray = np.swapaxes(T, -1, -2) @ P_e @ T
         return rotated
 
     def sigma(self, block: str) -> FloatArray:
@@ -218,10 +259,10 @@ class NavigationResult(Displayed):
         return self.parameters[:, part.start - 9 : part.stop - 9]
 
     def state_at(self, record: int) -> InitialState:
-        """Navigation state, covariance (north-east-down) and parameters of one record, to start a run from it."""
-        s = self.states
+        """Navigation state, the filter's covariance (north-east-down) and parameters of one record, to start from."""
+        s, at = self.states, slice(record, record + 1 or None)
         nav = NavState(float(s.t[record]), s.r_eb_e[record], s.v_eb_e[record], s.q_eb[record])
-        return InitialState(nav, self.covariance[record], self.parameters[record])
+        return InitialState(nav, self._in_ned(self.filter_covariance_e(at), at)[0], self.parameters[record])
 
     @property
     def can_smooth(self) -> bool:
@@ -281,8 +322,8 @@ class NavigationResult(Displayed):
         trajectory, states, parameters, covariance_e = smooth_run(self, keep=keep)
         return replace(
             self, trajectory=trajectory, states=states, parameters=parameters, covariance_e=covariance_e,
-            smoothed=True, _nodes=None,
-        )  # fmt: skip
+            smoothed=True, _nodes=None, _attitude_e=None,
+        )._claimed()  # fmt: skip
 
     def errors(self, reference: Trajectory, *, at_antenna: bool = False) -> TrajectoryErrors:
         """Errors against a reference, see :func:`schuler.navigation.evaluation.errors.trajectory_errors`.

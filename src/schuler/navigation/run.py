@@ -20,7 +20,7 @@ from schuler.gnss.ranges import Ranges
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.gnss_faults import rejections
-from schuler.navigation.inputs.imu_axes import axes_against_claim
+from schuler.navigation.inputs.imu_axes import axes_covariance, axes_note
 from schuler.navigation.inputs.imu_noise import noise_against_budget
 from schuler.navigation.inputs.preparation import (
     current_velocities,
@@ -111,10 +111,8 @@ def navigate(
         notes.append(delay_note(delay, sigma))
         forward.rec_est[:, prepared.layout["delay"].start - 9] += prepared.fixes_later_s
         provenance["fixes_moved_s"] = prepared.fixes_later_s
-    if prepared.calibrated is None:
-        notes += axes_against_claim(
-            prepared.spec, unpack_symmetric(forward.rec_P[-1:], prepared.layout.size)[0, :3, :3]
-        )
+    P_end = unpack_symmetric(forward.rec_P[-1:], prepared.layout.size)[0, :3, :3]
+    notes += axes_note(prepared.axes_covariance_b, P_end, calibrated=prepared.calibrated is not None)
     if not forward.complete:
         ended = forward.t[-1] - recording.start
         notes.append(f"interrupted at {ended:.1f} s of the recording; the solution ends there")
@@ -128,6 +126,7 @@ def navigate(
         lever_arm_b=np.array(config.gnss.lever_arm_m),
         provenance={**provenance, "elapsed_s": time.perf_counter() - started},
         notes=tuple(notes),
+        axes_covariance_b=prepared.axes_covariance_b,
         ranges=prepared.ranges,
         points=None if prepared.points is None else prepared.points.solution,
     )
@@ -190,6 +189,7 @@ def prepared_run(
     prepared = PreparedRun(
         imu, increments, schedule, initial, layout, spec, white_noise_psd(config, spec),
         filter_options(config, imu), windows, (), calibrated, ranges, points,
+        axes_covariance(spec, layout, config.aiding, calibrated),
     )  # fmt: skip
     if aligned is not None:
 

@@ -134,7 +134,8 @@ def tables_of(result: NavigationResult) -> Tables:
     Tables
         ``trajectory``: Earth-fixed position, velocity, attitude, and the same as latitude to yaw; ``records``: the
         states, parameters (``b_g_0``), 1-sigma values (``sigma_b_g_0``, navigation errors ``sigma_dr_north``) and the
-        covariance (``P_i_j``, navigation errors in Earth-fixed axes); ``innovations``. Columns that repeat others are
+        covariance (``P_i_j``, navigation errors in Earth-fixed axes; ``P_filter_i_j``, the attitude's without what is
+        not known of the sensors' axes, where that counts); ``innovations``. Columns that repeat others are
         for reading. Satellite parts and what a smoother needs are left out, as in solution files.
     """
     trajectory = _state_columns(result.trajectory, with_angles=True)
@@ -153,6 +154,8 @@ def tables_of(result: NavigationResult) -> Tables:
     n = result.layout.size
     symmetric = bool(np.array_equal(P, np.swapaxes(P, 1, 2)))
     records |= {f"P_{i}_{j}": P[:, i, j] for i in range(n) for j in range(i + 1 if symmetric else n)}
+    if (own := result._attitude_e) is not None:
+        records |= {f"P_filter_{i}_{j}": own[:, i, j] for i in range(3) for j in range(i + 1)}
     s = result.innovations
     innovations: Columns = {"t": s.t, "kind": s.kind, "status": s.status, "nis": s.nis}
     for i in range(3):
@@ -167,6 +170,7 @@ def tables_of(result: NavigationResult) -> Tables:
         "outages": [list(map(float, w)) for w in result.outages],
         "lever_arm_b_m": list(map(float, result.lever_arm_b)),
         "notes": list(result.notes),
+        "axes_covariance_b_rad2": result.axes_covariance_b.tolist(),
         "provenance": dict(result.provenance),
     }
     return Tables({"trajectory": trajectory, "records": records, "innovations": innovations}, units, document)
@@ -201,6 +205,9 @@ def result_of(tables: Tables) -> NavigationResult:
         for i in range(n):
             for j in range(n):
                 P[:, i, j] = records[f"P_{i}_{j}" if f"P_{i}_{j}" in records else f"P_{j}_{i}"]
+        own = None
+        if "P_filter_0_0" in records:
+            own = _stack(records, [f"P_filter_{max(i, j)}_{min(i, j)}" for i in range(3) for j in range(3)])
         names = [f"{b}_{i}" for b in layout.models for i in range(layout[b].stop - layout[b].start)]
         return NavigationResult(
             trajectory=_trajectory(tables.columns["trajectory"]),
@@ -225,6 +232,8 @@ def result_of(tables: Tables) -> NavigationResult:
             lever_arm_b=np.array(d["lever_arm_b_m"], dtype=np.float64),
             provenance=dict(d["provenance"]),
             notes=tuple(map(str, d["notes"])),
+            axes_covariance_b=np.array(d.get("axes_covariance_b_rad2", np.zeros((3, 3))), dtype=np.float64),
+            _attitude_e=None if own is None else own.reshape(-1, 3, 3),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"these tables are of no complete navigation result ({error!r}); make them anew") from error

@@ -292,5 +292,6 @@ def separation(filtered: NavigationResult, smoothed: NavigationResult | None = N
     C = frames.C_en(s.llh)
     parts = (attitude_difference(f.q_eb, s.q_eb), f.v_eb_e - s.v_eb_e, f.r_eb_e - s.r_eb_e)
     difference = np.concatenate([np.einsum("nji,nj->ni", C, p) for p in parts], axis=1)
-    P = filtered.covariance[:, :9, :9] - smoothed.covariance[:, :9, :9]
-    return Separation(filtered.t, difference, P, filtered.outages)
+    # of the sensors' axes: what is not known of the body's is in both alike
+    P_f, P_s = (r._in_ned(r.filter_covariance_e())[:, :9, :9] for r in (filtered, smoothed))
+    return Separation(filtered.t, difference, P_f - P_s, filtered.outages)

@@ -114,7 +114,7 @@ def _numbers(result: NavigationResult) -> Iterator[Finding]:
     bad = int(np.sum(~np.all(variances >= 0.0, axis=1)))
     if bad:
         yield Finding(1, f"variances are negative or unknown at {bad} of {len(result.t)} records", "numbers")
-    elif some := _indefinite(result.covariance_e):
+    elif some := _indefinite(result.filter_covariance_e()):
         yield Finding(1, f"covariances are not positive at {some[0]} of {some[1]} records looked at", "numbers")
     inn = result.innovations
     tested = np.isin(inn.status, (ACCEPTED, REJECTED, FORCED)) & ~np.isin(inn.kind, RESET_KINDS)  # which have no test

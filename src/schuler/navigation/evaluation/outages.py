@@ -370,7 +370,7 @@ def _position_errors(
     truth = reference.at(t)
     C = frames.C_en(truth.llh)
     error: FloatArray = np.einsum("nji,nj->ni", C, states.r_eb_e[part] - truth.r_eb_e)
-    P = result.covariance_e[part]
+    P = result.filter_covariance_e(part)  # of an antenna that fixes placed, whatever its attitude is
     T = np.zeros((len(t), 3, P.shape[1]))
     T[:, :, 6:9] = np.eye(3)
     if at_antenna:

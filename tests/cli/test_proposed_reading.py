@@ -14,6 +14,8 @@ from schuler.cli import proposal
 from schuler.cli.reading import Reading
 from schuler.diagnosis.result import as_entries
 from schuler.sensors import ImuErrors, catalogue
+from schuler.simulation.gait import walk
+from schuler.simulation.motion import ideal_rates
 
 NS = 1_707_350_382_000_000_000
 
@@ -145,6 +147,35 @@ def test_a_biased_gyroscope_is_told_from_gravity_by_what_turns_make_of_it(tmp_pa
     recording = Reading(rate=100.0, units="m/s^2,rad/s").read(path)
     np.testing.assert_allclose(recording.imu.accel, imu.accel, atol=1e-5)  # printed digits
     np.testing.assert_allclose(recording.imu.gyro, imu.gyro + 0.03, atol=1e-5)
+
+
+def test_counts_at_rest_are_asked_for_their_scale_once(tmp_path, capsys):
+    """Whole numbers: no unit of rates makes them so, and each answer that is offered reads the log."""
+    rng = np.random.default_rng(3)
+    f = np.round(16384.0 * (np.array([0.0, 0.0, -1.0]) + 2e-3 * rng.standard_normal((4000, 3))))
+    w = np.round(65.5 * (0.5 + 0.05 * rng.standard_normal((4000, 3))))
+    path = tmp_path / "rest.csv"
+    np.savetxt(path, np.column_stack((np.arange(4000) * 10, f, w)), fmt="%d", delimiter=",", comments="",
+               header="millis,AcX,AcY,AcZ,GyX,GyY,GyZ")  # fmt: skip
+    message = refusal(capsys, "allan", path, "--no-report")
+    options = re.search(r"(--units \S+ --scale \S+) \(counts, 65.5 in a deg/s\)", message)[1].split()
+    recording = Reading(units=options[1], scale=options[3]).read(path)
+    np.testing.assert_allclose(recording.imu.gyro, w / 65.5 * units.DEG, rtol=1e-5)  # printed digits
+    np.testing.assert_allclose(recording.imu.accel, f / 16384.0 * units.G0, rtol=1e-5)
+
+
+@pytest.mark.parametrize("order", [slice(None), [3, 4, 5, 0, 1, 2]])
+def test_a_runner_shows_gravity_in_the_stances(tmp_path, capsys, order):
+    """No header: the accelerometers' norm is gravity's in the calmest tenth of the log alone."""
+    motion = walk([45.0 * units.DEG, 0.0, 0.0], strides=25, length=2.2, swing=0.45, rest=0.2, stand=0.2)
+    t = np.arange(int(motion.duration * 200.0)) / 200.0
+    omega, f = ideal_rates(motion, t)
+    path = tmp_path / "run.txt"
+    np.savetxt(path, np.column_stack((t, np.column_stack((f, omega / units.DEG))[:, order])), fmt="%.5f")
+    assert np.median(np.linalg.norm(f, axis=1)) > 1.3 * units.G0
+    imu = Reading().read(path).imu
+    np.testing.assert_allclose(imu.accel, f, atol=1e-5)  # printed digits
+    np.testing.assert_allclose(imu.gyro, omega, atol=1e-5)
 
 
 @pytest.mark.parametrize(("field", "distinct"), [(0.5, True), (1.0, False)])

@@ -182,10 +182,10 @@ def recognised_files(
 
 def in_options_of_reading(question: UndecidedError) -> InputError:
     """A question on how a log is read, answered by options of the command instead of entries of a configuration."""
-    answers = [
-        " ".join(f"--{name.rpartition('.')[2].replace('_', '-')} {value}" for name, value in entries.items())
-        for _, entries in question.choices
-    ]
+    answers = []
+    for words, entries in question.choices:
+        said = " ".join(f"--{name.rpartition('.')[2].replace('_', '-')} {value}" for name, value in entries.items())
+        answers.append(said if words in said else f"{said} ({words})")
     return InputError(f"{question.text}: say {', or '.join(answers)}")
 
 

@@ -19,6 +19,8 @@ from schuler.standstill.unscaled import UnscaledRests
 UNITS = {"m/s^2": 1.0, "g": units.G0, "mg": units.MG, "ug": units.UG, "ft/s^2": units.FT, "cm/s^2": 0.01}
 _RATE_OF = {"m/s": "m/s^2", "ft/s": "ft/s^2", "cm/s": "cm/s^2", "rad": "rad/s", "deg": "deg/s", "mrad": "mrad/s"}
 _NEAR = 0.06  # relative, for a unit to fit: uncalibrated MEMS sensors are 3 % off
+_NEAR_COUNTS = 0.05  # the same for counts in a g, whose rivals are a factor of two away
+_COUNTS_LOG2 = (8, 14)
 _OFF = 0.04  # relative error at rest that is worth a word
 _LEAST_REST_S = 3.0  # rest in which a few per cent are worth a word
 _BOUNDS = (0.7, 2.5)  # least median norm, largest norm of means, of gravity, of a body that never rests
@@ -225,6 +227,16 @@ def _mean_is_noise(accel: FloatArray) -> bool:
     return bool(np.median(ratio) < 1.0)
 
 
+def _counts_in_g(scale: float) -> int | None:
+    """The power of two that a scale comes near, from 8 bits over 1 g to 16 over 2 g; None where none is near. [1/g]
+
+    The norm at rest has the bias in it, which is 0.08 g at most on the data sheets of cheap sensors.
+    """
+    power = round(float(np.log2(units.G0 / scale)))
+    near = abs(np.log(units.G0 / scale / 2.0**power)) < _NEAR_COUNTS
+    return 2**power if near and _COUNTS_LOG2[0] <= power <= _COUNTS_LOG2[1] else None
+
+
 def _unit_findings(
     need: float,
     level: float,
@@ -255,6 +267,9 @@ def _unit_findings(
             f"the norm of specific force is {level:.4g} m/s^2 {where}, where gravity is 9.8: no usual unit makes it "
             "so, the numbers are counts or have a scale of their own"
         )
+        if (lsb := _counts_in_g(raw)) is not None:
+            text += f" ({lsb} counts in a g, but for the bias)"
+            raw, need = units.G0 / lsb, units.G0 / lsb / factor
         fix = f"scale='accel={need:.6g}'" if name == "m/s^2" else f"units='accel=m/s^2', scale='accel={raw:.6g}'"
         fix += " (for calibrations also units='counts,counts')"
         return [Finding("accel_unit", "error", text, sure, fix, evidence)], Scaling(need, kind, True)

@@ -12,7 +12,7 @@ from schuler.arrays import FloatArray
 from schuler.diagnosis.axes import changes, signed_permutations
 from schuler.diagnosis.result import Finding
 from schuler.recording.series import ImuSeries
-from schuler.standstill.unscaled import UnscaledRests
+from schuler.standstill.unscaled import UnscaledRests, unscaled_rests
 
 UNITS = {
     "rad/s": 1.0,
@@ -28,6 +28,13 @@ _MOST_TURNS = 40
 _LONGEST_S = 40.0
 _STEP_S = 0.02
 _LEAST_TURN = 10.0 * units.DEG
+#: Counts in a deg/s of gyroscopes with 16 bits over 250, 500, 1000 and 2000 deg/s.
+COUNTS_PER_DEG_S = (131.0, 65.5, 32.8, 16.4)
+_WIDEST = 4500.0 * units.DEG  # range that MEMS gyroscopes have, and a little
+_LARGEST_BIAS = 40.0 * units.DEG  # at rest
+_LEAST_LARGE = 30  # counts: smaller whole numbers may be any unit, rounded
+_BLOCK_S = 0.1
+_LEAST_BLOCKS, _LEAST_CORRELATION, _FACTOR = 60, 0.3, 4.0
 _FOR_AXES = 3  # turns that tell axes: one or two are explained by several
 
 
@@ -115,6 +122,75 @@ def misfit(turns: Turns, maps: FloatArray) -> FloatArray:
     return np.asarray(np.median(np.arccos(cosine), axis=1))
 
 
+def are_counts(gyro: FloatArray) -> bool:
+    """Whether readings are whole numbers and not all of them small.
+
+    Parameters
+    ----------
+    gyro : ndarray, shape (n, 3)
+        As written.
+    """
+    whole = np.round(gyro)
+    return bool(np.all(np.abs(gyro - whole) <= 1e-9 * np.abs(whole)) and np.abs(gyro).max() >= _LEAST_LARGE)
+
+
+def possible_units(imu: ImuSeries) -> tuple[list[str], str]:
+    """Units that angular rates of a log can have by their size alone, where no turn between rests tells one.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+        Rates; the gyroscopes' as they are written, specific force in any unit.
+
+    Returns
+    -------
+    left : list of str
+        ``"deg/s"`` and ``"rad/s"`` as far as they are possible; ``"mdeg/s"`` where they are not.
+    why : str
+        What excludes the others, or, of several, what each would mean; empty where nothing is to be said.
+
+    Notes
+    -----
+    A unit is out of the question where the largest rates are beyond the range of any MEMS gyroscope, or the mean at
+    rest beyond any bias. Of what is left, motion in which gravity turns in the sensor's axes (on a shoe, in a hand)
+    changes the specific force by ``f x omega`` times a factor near one of either sign, for the sensor swings too: on
+    shoes 0.4 to 1.5 in magnitude, where the next unit is 57 times away. On vehicles the two are hardly correlated.
+    """
+    size = np.linalg.norm(imu.gyro, axis=1)
+    top = float(np.quantile(size, 0.999))
+    rests = unscaled_rests(imu)
+    still = np.linalg.norm(np.median(rests.gyro, axis=0)) if len(rests) else 0.0
+    left = [u for u in ("deg/s", "rad/s", "mdeg/s") if top * UNITS[u] < _WIDEST and still * UNITS[u] < _LARGEST_BIAS]
+    usual = [u for u in left if u != "mdeg/s"]
+    if len(usual) < 2:
+        what = f"up to {top:.3g}" + (f", {still:.3g} at rest" if len(rests) else "")
+        return usual or left[:1], f"by the size of the numbers ({what})"
+    ratio = _swing(imu)
+    fits = [u for u in usual if ratio is not None and 1.0 / _FACTOR < ratio / UNITS[u] < _FACTOR]
+    if len(fits) == 1:
+        return fits, "specific force changes as it does where gravity turns with the sensor"
+    if not len(rests):
+        return usual, ""
+    words = [f"as {u} they are {still * UNITS[u] / units.DEG:.2g} deg/s at rest" for u in usual]
+    return usual, ", ".join(words)
+
+
+def _swing(imu: ImuSeries) -> float | None:
+    """Factor between changes of specific force and ``f x omega``, by magnitude; None where they are not correlated."""
+    per = max(1, round(_BLOCK_S / imu.interval))
+    m = len(imu.t) // per
+    if m < _LEAST_BLOCKS:
+        return None
+    t, f, w = (x[: m * per].reshape(m, per, -1).mean(axis=1) for x in (imu.t, imu.accel, imu.gyro))
+    w = w - np.median(w, axis=0)
+    rate = (f[2:] - f[:-2]) / (t[2:] - t[:-2])
+    turn = np.cross(f[1:-1], 0.25 * (w[:-2] + 2.0 * w[1:-1] + w[2:]))
+    product, squares = float(np.sum(rate * turn)), float(np.sum(turn**2))
+    if abs(product) < _LEAST_CORRELATION * np.sqrt(squares * float(np.sum(rate**2))) or squares == 0.0:
+        return None
+    return abs(product) / squares
+
+
 def halves_agree(turns: Turns, map_: FloatArray) -> bool:
     """Whether of six turns or more every second one, and the others, are each explained far better than as read.
 
@@ -134,9 +210,9 @@ def halves_agree(turns: Turns, map_: FloatArray) -> bool:
     return True
 
 
-def _candidates(interval: float) -> list[tuple[str, str, float, float]]:
-    """Unit, kind ("rate" or "increment"), factor to rad/s, cost of the guess."""
-    out = []
+def _candidates(interval: float, counts: bool) -> list[tuple[str, str, float, float]]:
+    """Unit, kind ("rate" or "increment"), factor to rad/s, cost of the guess; of whole numbers also counts."""
+    out = [(f"counts, {lsb:g} in a deg/s", "rate", units.DEG / lsb, 0.0) for lsb in COUNTS_PER_DEG_S if counts]
     for name, value in UNITS.items():
         usual = 0.0 if name in ("rad/s", "deg/s") else 0.4
         out.append((name, "rate", value, usual))
@@ -145,7 +221,7 @@ def _candidates(interval: float) -> list[tuple[str, str, float, float]]:
 
 
 def by_turns(
-    turns: Turns, interval: float, stated: tuple[str, float]
+    turns: Turns, interval: float, stated: tuple[str, float], counts: bool = False
 ) -> tuple[float | None, FloatArray, dict[str, Any]]:
     """Factor that makes the gyro SI and the signed permutation that fits the accelerometer, from turns of gravity.
 
@@ -155,6 +231,8 @@ def by_turns(
     interval : float
         [s]
     stated : (str, float)
+    counts : bool
+        Whether the log holds whole numbers, which may be counts.
 
     Returns
     -------
@@ -164,7 +242,7 @@ def by_turns(
         Gyro as read to the accelerometer's axes; the unit matrix unless another one is far better.
     evidence : dict
     """
-    factors = [1.0] + [value / stated[1] for _, _, value, _ in _candidates(interval)]
+    factors = [1.0] + [value / stated[1] for _, _, value, _ in _candidates(interval, counts)]
     factors = list(dict.fromkeys(round(f, 12) for f in factors))
     perms = signed_permutations()
     typical = float(np.median(turns.angle))
@@ -215,6 +293,7 @@ def gyro_unit(
     evidence: dict[str, Any],
     how: str,
     exact: float | None = None,
+    counts: bool = False,
 ) -> list[Finding]:
     """Finding ``gyro_unit`` for a factor that the physics asks for.
 
@@ -233,6 +312,8 @@ def gyro_unit(
         For the sentence: what it was compared with.
     exact : float, optional
         The factor where it is no unit's but has to be a number.
+    counts : bool
+        Whether the log holds whole numbers, which may be counts.
     """
     if abs(np.log(need)) < 0.22:
         return []
@@ -243,7 +324,7 @@ def gyro_unit(
         return [Finding("kind", "error", text, 0.99, "kind='rate'", {**evidence, "factor": need})]
     fits = sorted(
         (cost + abs(np.log(raw / value)) / _NEAR, unit, what)
-        for unit, what, value, cost in _candidates(interval)
+        for unit, what, value, cost in _candidates(interval, counts)
         if abs(np.log(raw / value)) < _NEAR and not (what == "rate" and unit == name)
     )
     evidence = {**evidence, "factor": need, "fits": [f"{u} {w}" for _, u, w in fits]}
@@ -268,6 +349,9 @@ def gyro_unit(
         return [Finding("kind", "error", text, 0.99 if far else 0.8, f"kind='increment', units='...,{unit}'", evidence)]
     text = f"{how} the angular rates are {1.0 / need:.4g} times what they should be: the numbers are {unit}, not {name}"
     confidence = 0.99 if far else 0.8
+    if unit not in UNITS:
+        number = next(value for u, _, value, _ in _candidates(interval, counts) if u == unit)
+        return [Finding("gyro_unit", "error", text, confidence, f"scale='gyro={number / factor:.6g}'", evidence)]
     return [Finding("gyro_unit", "error", text, confidence, f"units='...,{unit}' (or units='gyro={unit}')", evidence)]
 
 

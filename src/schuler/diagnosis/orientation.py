@@ -217,7 +217,14 @@ def _angular_unit(state: DiagnosisState, means: WindowMeans, motion: Motion, ev:
     stated = stated_factor(state.recording.metadata.options, "gyro")
     evidence = {"turn_gain": size, "explained": float(lag.r2[0])}
     findings = gyro_unit.gyro_unit(
-        need, state.imu.interval, stated, kind, evidence, "against the turns of the course", need * exact * size
+        need,
+        state.imu.interval,
+        stated,
+        kind,
+        evidence,
+        "against the turns of the course",
+        need * exact * size,
+        gyro_unit.are_counts(state.imu.gyro / stated[1]),
     )
     state.findings += findings if agreed else [replace(f, confidence=min(f.confidence, 0.8)) for f in findings]
     state.gyro_factor = 1.0 / size
@@ -311,7 +318,8 @@ def find_turns(state: DiagnosisState, imu: ImuSeries) -> None:
         return
     state.checked.append("unit of angular rate (turns of gravity)")
     stated = stated_factor(state.recording.metadata.options, "gyro")
-    factor, P, evidence = gyro_unit.by_turns(turns, imu.interval, stated)
+    counts = imu.kind == "rate" and gyro_unit.are_counts(imu.gyro / stated[1])
+    factor, P, evidence = gyro_unit.by_turns(turns, imu.interval, stated, counts)
     if factor is None:
         text = (
             f"gravity turns by {evidence['turn_deg']:.0f} deg between rests and no unit and no axes of the "
@@ -325,7 +333,9 @@ def find_turns(state: DiagnosisState, imu: ImuSeries) -> None:
     if state.scaling.determined and state.scaling.kind != kind:
         by_kind = 1.0 / imu.interval if state.scaling.kind == "increment" else imu.interval
         need, kind = need / by_kind, state.scaling.kind
-    findings = gyro_unit.gyro_unit(need, imu.interval, stated, kind, evidence, "against turns of gravity between rests")
+    findings = gyro_unit.gyro_unit(
+        need, imu.interval, stated, kind, evidence, "against turns of gravity between rests", counts=counts
+    )
     if any("raw counts" in note for note in state.recording.metadata.notes):
         findings = []
     agreed = gyro_unit.halves_agree(turns, factor * P)

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from schuler.diagnosis.log import diagnose_log
+from schuler.diagnosis.gyro_unit import COUNTS_PER_DEG_S, are_counts, possible_units
+from schuler.diagnosis.log import diagnose_log, read_leniently
 from schuler.diagnosis.result import Diagnosis, Finding
 from schuler.exceptions import InputError, SchulerError
 from schuler.files import merged
@@ -222,12 +223,18 @@ def _cured(files: Files, given: Mapping[str, Any]) -> Diagnosis:
             break
     if question := _question(files, diagnosis):
         raise question
-    _ask_unit(files, diagnosis, given)
+    _rate_unit(files, diagnosis, given)
     return diagnosis
 
 
-def _ask_unit(files: Files, diagnosis: Diagnosis, given: Mapping[str, Any]) -> None:
-    """Ask for the unit of angular rate where neither a header nor the motion tells it."""
+def _rate_unit(files: Files, diagnosis: Diagnosis, given: Mapping[str, Any]) -> None:
+    """Take the unit of angular rate that sizes leave where no header and no turn tells it; ask where several are left.
+
+    Raises
+    ------
+    UndecidedError
+        If several are left.
+    """
     entry = files.entry("imu")
     [label, *others] = files.names_of("imu", "units")
     stated = given.get("imu", {}) if files.by_part else given
@@ -240,10 +247,26 @@ def _ask_unit(files: Files, diagnosis: Diagnosis, given: Mapping[str, Any]) -> N
         or any(c.startswith("unit of angular") for c in diagnosis.checked)
     ):
         return
-    other = str(entry["units"]).replace("gyro=rad/s", "gyro=deg/s")
+    recording = next((r for r in read_leniently(files.log, **files.entries)[:2] if r is not None and r.imu), None)
+    if recording is None:
+        return  # reading says what is missing
+    imu = recording.need_imu()
+    left, why = possible_units(imu.rates())
+    words = {unit: {label: str(entry["units"]).replace("gyro=rad/s", f"gyro={unit}")} for unit in left}
+    if "gyro" not in str(entry.get("scale")) and imu.kind == "rate" and are_counts(imu.gyro):
+        name = files.names_of("imu", "scale")[0]
+        for lsb in COUNTS_PER_DEG_S:
+            scale = ",".join(filter(None, (entry.get("scale"), f"gyro={DEG / lsb:.6g}")))
+            words[f"counts, {lsb:g} in a deg/s"] = {label: entry["units"], name: scale}
+    if len(words) == 1 and len(left) == 1:
+        files.put("imu", {"units": words[left[0]][label]})
+        files.decisions = [d for d in files.decisions if d.entry != label]
+        files.decisions.append(Decision(label, words[left[0]][label], why))
+        return
     raise UndecidedError(
-        f"{files.log}: no header states the unit of angular rate, and no turn beside fixes or between rests tells it",
-        [("deg/s", {label: other}), ("rad/s", {label: entry["units"]})],
+        f"{files.log}: no header states the unit of angular rate, and no turn beside fixes or between rests tells it"
+        + (f" ({why})" if why else ""),
+        list(words.items()),
     )
 
 

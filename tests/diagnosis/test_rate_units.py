@@ -5,7 +5,7 @@ import pytest
 
 from schuler.calibration.freepose.simulation import hand_log, spread_turns
 from schuler.diagnosis import diagnose
-from schuler.diagnosis.gyro_unit import COUNTS_PER_DEG_S, possible_units
+from schuler.diagnosis.gyro_unit import COUNTS_PER_DEG_S, are_counts, possible_units
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.series import ImuSeries
 from schuler.sensors.errors import ImuErrors
@@ -44,9 +44,16 @@ def test_a_swinging_foot_tells_the_unit(foot, unit, factor):
 )
 def test_a_rate_at_rest_is_no_larger_than_a_bias(rate, left):
     """57 deg/s is none; of what both units leave it is said what they would mean."""
-    found, why = possible_units(at_rest(rate, 0.02 * rate))
-    assert found == left
+    units, why = possible_units(at_rest(rate, 0.02 * rate))
+    assert units == left
     assert ("as deg/s they are" in why) == (len(left) == 2)
+
+
+def test_counts_are_of_16_bits():
+    gyro = np.full((3, 3), 32768.0)
+    assert are_counts(gyro)
+    assert not are_counts(gyro + 1.0)
+    assert not are_counts(gyro - 0.5)
 
 
 @pytest.mark.parametrize("lsb", COUNTS_PER_DEG_S)

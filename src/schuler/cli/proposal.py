@@ -184,8 +184,8 @@ def in_options_of_reading(question: UndecidedError) -> InputError:
     """A question on how a log is read, answered by options of the command instead of entries of a configuration."""
     answers = []
     for words, entries in question.choices:
-        said = " ".join(f"--{name.rpartition('.')[2].replace('_', '-')} {value}" for name, value in entries.items())
-        answers.append(said if words in said else f"{said} ({words})")
+        option = " ".join(f"--{name.rpartition('.')[2].replace('_', '-')} {value}" for name, value in entries.items())
+        answers.append(option if words in option else f"{option} ({words})")
     return InputError(f"{question.text}: say {', or '.join(answers)}")
 
 

@@ -32,6 +32,7 @@ _LEAST_TURN = 10.0 * units.DEG
 COUNTS_PER_DEG_S = (131.0, 65.5, 32.8, 16.4)
 _WIDEST = 4500.0 * units.DEG  # range that MEMS gyroscopes have, and a little
 _LARGEST_BIAS = 40.0 * units.DEG  # at rest
+_LARGEST_COUNT = 2.0**15
 _LEAST_LARGE = 30  # counts: smaller whole numbers may be any unit, rounded
 _BLOCK_S = 0.1
 _LEAST_BLOCKS, _LEAST_CORRELATION, _FACTOR = 60, 0.3, 4.0
@@ -123,7 +124,7 @@ def misfit(turns: Turns, maps: FloatArray) -> FloatArray:
 
 
 def are_counts(gyro: FloatArray) -> bool:
-    """Whether readings are whole numbers and not all of them small.
+    """Whether readings are whole numbers of 16 bits and not all of them small.
 
     Parameters
     ----------
@@ -131,7 +132,9 @@ def are_counts(gyro: FloatArray) -> bool:
         As written.
     """
     whole = np.round(gyro)
-    return bool(np.all(np.abs(gyro - whole) <= 1e-9 * np.abs(whole)) and np.abs(gyro).max() >= _LEAST_LARGE)
+    return bool(
+        np.all(np.abs(gyro - whole) <= 1e-9 * np.abs(whole)) and _LEAST_LARGE <= np.abs(gyro).max() <= _LARGEST_COUNT
+    )
 
 
 def possible_units(imu: ImuSeries) -> tuple[list[str], str]:

@@ -91,11 +91,20 @@ class InitialState:
         At rest scale factors, cross-coupling and g-sensitivity act as biases do. Were the attitude independent of them,
         the first velocities, which agree with it, would be taken for a measurement of cross-coupling: of 1.15 deg the
         filter would claim 0.2 after ten seconds.
+
+        Where cross-couplings of both triads are states, the size of the force at rest is a measurement of the errors
+        along gravity, see :func:`measured_along_gravity`. Learnt later, beside a tilt of degrees, the product of both
+        would be taken for a turn of the axes.
         """
         C, llh = alignment.C_nb, self.nav.llh
         f_b, omega_b = -C.T @ earth.gravity_ned(llh[0], llh[2]), C.T @ earth.earth_rate_ned(llh[0])
         columns = parameter_columns(layout, np.eye(3), omega_b, f_b, self.parameters)
-        A = -(alignment.psi_gyro @ columns[0] + alignment.psi_accel @ columns[1])
+        g, psi_accel, force = float(np.linalg.norm(f_b)), alignment.psi_accel, None
+        if {"b_a", "M_a6", "M_g"} <= layout.models.keys():
+            force = alignment.force
+        if force is not None:
+            psi_accel = psi_accel * force / g  # less the error along it, the force is as large as gravity
+        A = -(alignment.psi_gyro @ columns[0] + psi_accel @ columns[1])
         P = self.P.copy()
         P[:3, :] = P[:, :3] = 0.0
         P[:3, :3] = alignment.cov_noise_n + A @ P[9:, 9:] @ A.T
@@ -107,4 +116,40 @@ class InitialState:
         ):
             if block not in layout:
                 P[:3, :3] += sigma**2 * psi @ psi.T
-        return InitialState(self.nav, P, self.parameters)
+        start = InitialState(self.nav, P, self.parameters)
+        if force is None:
+            return start
+        noise = g * float(np.sqrt(0.5 * np.trace(alignment.cov_noise_n[:2, :2])))
+        return measured_along_gravity(start, force - g, noise, np.concatenate((np.zeros(9), f_b @ columns[1] / g)), g)
+
+
+def measured_along_gravity(
+    start: InitialState, excess: float, sigma: float, H: FloatArray, gravity: float
+) -> InitialState:
+    """Levelled start with the errors of the accelerometers along gravity that the size of the force at rest tells.
+
+    Parameters
+    ----------
+    start : InitialState
+        Its tilt correlated with the errors that made it.
+    excess : float
+        Size of the specific force with the estimates of the start, less gravity. [m/s^2]
+    sigma : float
+        1-sigma of that size without errors of the sensors. [m/s^2]
+    H : ndarray, shape (n,)
+        Error of the size by errors of the states, along the levelled force.
+    gravity : float
+        [m/s^2]
+
+    Notes
+    -----
+    The levelled force is ``|f| d``, true gravity upwards ``g u``, off it by the tilt ``tau``: the error along d is
+    ``|f| - g cos(tau)``, the excess and ``g tau^2 / 2``. Of that term mean and variance count (a second-order filter:
+    Bar-Shalom, Li, Kirubarajan (2001), section 10.3.2): with a tilt of 1-sigma ``s`` about either axis ``g s^2``, and
+    the square of that.
+    """
+    second = 0.5 * gravity * float(np.trace(start.P[:2, :2]))
+    PH = start.P @ H
+    S = float(H @ PH) + sigma**2 + second**2
+    P = start.P - np.outer(PH, PH) / S
+    return InitialState(start.nav, P, start.parameters - PH[9:] * (excess + second) / S)

@@ -34,6 +34,8 @@ class Alignment:
         (body axes, estimate minus truth). [rad/(m/s^2)], [rad/(rad/s)]
     sigma_b_a, sigma_b_g : float
         1-sigma of those bias errors, per axis. [m/s^2], [rad/s]
+    force : float, optional
+        Size of the specific force at rest that it was levelled with. [m/s^2]
     """
 
     t: float
@@ -44,6 +46,7 @@ class Alignment:
     psi_gyro: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
     sigma_b_a: float = 0.0
     sigma_b_g: float = 0.0
+    force: float | None = None
 
     @property
     def C_nb(self) -> FloatArray:
@@ -132,8 +135,9 @@ def levelling(
     psi_accel = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) / norm @ rotation.dcm_from_rpy(rpy)
     tilt = (sigma_noise / norm) ** 2
     return Alignment(
-        float(t), rpy, np.diag([tilt, tilt, sigma_heading**2]), "levelled", psi_accel=psi_accel, sigma_b_a=sigma_bias
-    )
+        float(t), rpy, np.diag([tilt, tilt, sigma_heading**2]), "levelled", psi_accel=psi_accel, sigma_b_a=sigma_bias,
+        force=norm,
+    )  # fmt: skip
 
 
 def gyrocompass(

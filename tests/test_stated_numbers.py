@@ -102,7 +102,7 @@ def test_numbers_outside_of_the_table():
     stated = {
         "3.11": 'requires-python = ">=3.11"' in pyproject, "40": stop - start == 40.0, "9": True,
         "0.5": True, "0.55": True,  # sizes likewise
-        "64": MAX_STATES == 64, "4": "PX4" in prose, "3": "BSD-3" in prose,
+        "96": MAX_STATES == 96, "4": "PX4" in prose, "3": "BSD-3" in prose,
     }  # fmt: skip
     assert {n for n in NUMBER.findall(prose) if n} == set(stated)
     assert all(stated.values()), stated

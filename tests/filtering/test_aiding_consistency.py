@@ -207,7 +207,7 @@ def test_live_navigator_gives_the_batch_numbers_for_every_kind(drive, reset):
     assert [o.kind for o in live.outcomes] == [ms.KINDS[k] for k in schedule.kind]
     assert [o.status for o in live.outcomes] == [ms.STATUS[s] for s in batch.status]
     kinds = set(schedule.kind.tolist())
-    assert kinds >= set(ms.KINDS) - {*ms.RESET_KINDS, ms.CLONE, ms.CARRIER_CHANGE}  # these: test_carrier_changes
+    assert kinds >= set(ms.KINDS) - {*ms.RESET_KINDS, ms.ARC_START, ms.CARRIER_PHASE}  # these: test_carrier_phases
     for kind in kinds:
         assert np.any(batch.status[schedule.kind == kind] == ms.ACCEPTED), ms.KINDS[kind]
     assert np.any(batch.status == ms.GATED)

@@ -9,7 +9,7 @@ from filter_cases import moved
 from schuler import earth, frames, rotation
 from schuler.exceptions import InputError
 from schuler.filtering import measurements as ms
-from schuler.filtering.limits import N_VALUES, PLACES
+from schuler.filtering.limits import MAX_STATES, N_VALUES, PLACES
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.recording.series import GnssSeries
 
@@ -34,7 +34,7 @@ def rows(kind, nav, est, raw_rate, raw_force, lever, z, layout=LAYOUT):
     f = sens[15:24].reshape(3, 3) @ (raw_force - sens[3:6])
     w = sens[6:15].reshape(3, 3) @ (raw_rate - sens[0:3] - sens[24:33].reshape(3, 3) @ f)
     reg = np.concatenate(([h], h * f, h * w))
-    H, y, U = np.zeros((3, 64)), np.zeros(3), np.zeros((3, 3))
+    H, y, U = np.zeros((3, MAX_STATES)), np.zeros(3), np.zeros((3, 3))
     at = np.array([layout[name].start if name in layout else -1 for name in PLACES])
     values = np.zeros(N_VALUES)
     values[: len(z)] = z
@@ -225,13 +225,13 @@ def test_zero_velocity_is_three_numbers_of_one_variance():
 
 def test_every_kind_has_as_many_components_as_its_rows():
     """``rows`` compares them; and no two kinds, and no two ends of a measurement, are one number."""
-    nav, kinds = somewhere(np.random.default_rng(0)), [k for k in ms.KINDS if k not in (*ms.RESET_KINDS, ms.CLONE)]
+    nav, kinds = somewhere(np.random.default_rng(0)), [k for k in ms.KINDS if k not in (*ms.RESET_KINDS, ms.ARC_START)]
     z = np.concatenate((nav[7:10] + np.array([2e7, 1e7, 0.0]), [2.2e7, 0.0, 0.0]))
     for kind in kinds:
         with np.errstate(invalid="ignore"):  # counted only: a carrier's other epoch is where its satellite is
             rows(kind, nav, np.zeros(M), np.zeros(3), np.array([0.0, 0.0, -9.8]), np.zeros(3), z)
     assert all(ms.DIMENSIONS[kind] == 3 for kind in ms.RESET_KINDS)
-    assert ms.DIMENSIONS[ms.CLONE] == 0
+    assert ms.DIMENSIONS[ms.ARC_START] == 0
     assert (len(ms.KINDS), len(ms.STATUS)) == (21, 5)
 
 

@@ -9,7 +9,7 @@ from filter_cases import moved
 from schuler import earth, frames, rotation
 from schuler.filtering import measurements as ms
 from schuler.filtering.error_model import sensor_matrices
-from schuler.filtering.limits import N_VALUES, PLACES
+from schuler.filtering.limits import MAX_STATES, N_VALUES, PLACES
 from schuler.filtering.states import StateLayout, StateModel
 
 OMEGA = earth.WGS84.omega_ie
@@ -41,7 +41,7 @@ def rows(kind, nav, est, z, lay):
 
     sens, reg = np.zeros(33), np.full(7, np.nan)  # regressors of the interval play no part
     spread_estimates(est, lay.table(), lay.n_sensor, np.zeros((2, 3, 3)), sens)
-    H, y, U, values = np.zeros((3, 64)), np.zeros(3), np.zeros((3, 3)), np.zeros(N_VALUES)
+    H, y, U, values = np.zeros((3, MAX_STATES)), np.zeros(3), np.zeros((3, 3)), np.zeros(N_VALUES)
     values[: len(z)] = z
     at = np.array([lay[name].start if name in lay else -1 for name in PLACES])
     n = upd.measurement_rows(

@@ -97,20 +97,20 @@ def test_walk_smoothed_is_calmer(walk):
     assert np.abs(np.diff(e, axis=0)).max() < 0.1  # no steps at all: RTK's own are the largest
 
 
-CARRIERS = (("gnss.tight.carrier", "time-differenced"), ("gnss.tight.carrier_sigma_m", 0.005))
+CARRIERS = (("gnss.tight.carrier", "time-differenced"), ("gnss.tight.carrier_sigma_m", 0.007))
 
 
 def test_walk_with_carriers_scatters_half_as_much(walk, whole_walk):
-    """0.10 m north, 0.12 m east against 0.23 and 0.24 m seen; smoothed 0.04 and 0.08 m, less than a decimetre."""
+    """0.08 m north, 0.12 m east against 0.23 and 0.24 m seen; smoothed 0.03 and 0.04 m."""
     result, _, e = walk.run(*CARRIERS)
-    assert horizontal(e) < 0.6 * horizontal(whole_walk[2])
-    changes = result.innovations.of("carrier_change")
-    assert 0.7 < np.nanmean(changes.nis) < 1.4
-    assert np.mean(changes.status == 1) > 0.98
+    assert horizontal(e) < 0.5 * horizontal(whole_walk[2])
+    phases = result.innovations.of("carrier_phase")
+    assert 0.7 < np.nanmean(phases.nis) < 1.4
+    assert np.mean(phases.status == 1) > 0.98
     config = example("rtkexp_walk.toml", *CARRIERS, ("filter.smooth", True))
     smoothed = navigate(walk.recording, config).smooth().antenna()
     _, e = walk.offsets(smoothed.t, smoothed.r_eb_e)
-    assert np.all(e.std(axis=0)[:2] < 0.1)
+    assert np.all(e.std(axis=0) < (0.06, 0.06, 0.1))
 
 
 def test_walk_innovations_are_honest(whole_walk):

@@ -10,7 +10,7 @@ import numpy as np
 from schuler import frames
 from schuler.filtering.engine import FilterOptions
 from schuler.filtering.measurements import POSITION, merged
-from schuler.filtering.states import CLONES, StateLayout, StateModel
+from schuler.filtering.states import AMBIGUITIES, StateLayout, StateModel
 from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.ranges import Ranges, predicted_ranges
 from schuler.gnss.relative import relative_ranges
@@ -25,7 +25,7 @@ from schuler.navigation.result import NavigationResult
 
 CODE, PHASE = 0.5, 0.003  # 1-sigma overhead [m]
 LAYOUT = ac.layout("clock", "clock_drift", "clock_2")
-CLONED = StateLayout({**LAYOUT.models, **dict.fromkeys(CLONES, StateModel.constant(0.0))})
+STATES = StateLayout({**LAYOUT.models, **dict.fromkeys(AMBIGUITIES[:16], StateModel.constant(0.0))})
 CONFIG = NavigationConfig.parse(
     {
         "imu": {"catalogue": "HG1700-flenniken"},
@@ -83,7 +83,7 @@ def drive(duration: float) -> ac.Drive:
 def run(over_drive: ac.Drive, over: Ranges, seed: int, *, integers: bool = True, slips=None, smoother=False) -> Rtk:
     """The filter on a drive of its own truth; ``slips`` [m] are added to the rover's carriers, unsaid."""
     truth = ac.Truth(over_drive, LAYOUT, np.random.default_rng([11, seed]))
-    start = ac.initial(truth, CLONED)
+    start = ac.initial(truth, STATES)
     rng = np.random.default_rng([5, seed])
     scale = noise_scale(over.elevation, over.cn0, "elevation+cn0")
     rover = ac.measured(truth, replace(over, sigma_range=CODE * scale))
@@ -103,13 +103,13 @@ def run(over_drive: ac.Drive, over: Ranges, seed: int, *, integers: bool = True,
     )
     options = FilterOptions(smoother=smoother)
     prepared = PreparedRun(
-        None, truth.log, schedule.where(schedule.t > 1e-6), start, CLONED, None, ac.NOISE, options
+        None, truth.log, schedule.where(schedule.t > 1e-6), start, STATES, None, ac.NOISE, options
     )  # fmt: skip
     relative = BaseCarriers(ranges, carriers)
     if integers:
         prepared = with_integers(prepared, relative, CONFIG)
     s = prepared.schedule
-    result = NavigationResult.from_run(prepared.run(), s.t, s.kind, CLONED, lever_arm_b=ac.LEVER)
+    result = NavigationResult.from_run(prepared.run(), s.t, s.kind, STATES, lever_arm_b=ac.LEVER)
     at = np.searchsorted(truth.log.t, result.t - 1e-9) + 1
     fixes = s.where(s.kind == POSITION)
     d = fixes.z[:, :3] - antenna[np.searchsorted(over_drive.fixes_t, fixes.t - 1e-6)]

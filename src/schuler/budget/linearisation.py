@@ -248,8 +248,8 @@ def _leg(
     options: FilterOptions,
 ) -> tuple[SmootherNodes, BoolArray]:
     """Nodes of a leg, and which of its measurements were taken."""
-    if "clone_r" in layout:
-        raise InputError("changes of carrier phases are not part of a budget: leave out gnss.tight.carrier")
+    if "ambiguity_1" in layout:
+        raise InputError("carrier phases are not part of a budget: leave out gnss.tight.carrier")
     at = truth.at(np.array([increments.start]))
     n = layout.size
     initial = InitialState(

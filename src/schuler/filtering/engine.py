@@ -32,7 +32,7 @@ from schuler.filtering.filter_arrays import (
     aligned,
 )
 from schuler.filtering.initial_state import InitialState
-from schuler.filtering.limits import MAX_STATES, PLACES
+from schuler.filtering.limits import MAX_STATES, MOST_CHANNELS, PLACES
 from schuler.filtering.measurements import KINDS, POSITION, RESET_KINDS, VELOCITY, MeasurementSchedule
 from schuler.filtering.node_parts import NodeParts, Part
 from schuler.filtering.states import StateLayout
@@ -168,6 +168,7 @@ class FilterState:
             gates=np.zeros((max(KINDS) + 1, N_GATE)),
             psd=self.model.psd.copy(),
             dynamics=self.model.dynamics.copy(),
+            arcs=np.full(MOST_CHANNELS, -np.inf),
         )
         self.work = Workspace.of_size(n, layout.n_sensor)
         k.prepare_filter()
@@ -397,8 +398,7 @@ def smoother_nodes(node: NodeArrays, nodes: int, updates: int, state: FilterStat
         t=node.t[:a], P=node.P[:a], phi=node.phi[:a], B=node.B[:a], upd=node.upd[:a],
         W=node.W[:u], G=node.G[:u], e=node.e[:u],
         pmod=state.model.dynamics, n_sensor=layout.n_sensor,
-        i_clock=layout["clock"].start if "clock" in layout else -1, places=state.model.places,
-        omega=state.model.omega,
+        i_clock=layout["clock"].start if "clock" in layout else -1, omega=state.model.omega,
     )  # fmt: skip
 
 

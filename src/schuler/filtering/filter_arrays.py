@@ -98,6 +98,7 @@ class FilterArrays(NamedTuple):
     gates: FloatArray  # (kinds, N_GATE) memory of the innovation test, see kernels.gate
     psd: FloatArray  # (6,) the model's, times what innovations showed
     dynamics: FloatArray  # (m, 2) likewise
+    arcs: FloatArray  # (MOST_CHANNELS,) time of each channel's last carrier phase [s]
 
 
 class Workspace(NamedTuple):
@@ -204,7 +205,6 @@ class SmootherNodes(NamedTuple):
     pmod: FloatArray  # (m, 2) dynamics of the parameters, see :class:`Model`
     n_sensor: int
     i_clock: int  # first state of a receiver clock, or -1
-    places: IntArray  # of :class:`Model`
     omega: float
 
 

@@ -6,8 +6,8 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from schuler.filtering.measurements import (
-    CARRIER_CHANGE,
-    CLONE,
+    ARC_START,
+    CARRIER_PHASE,
     EARTH_RATE,
     EARTH_RATE_MAGNITUDE,
     FIX,
@@ -76,8 +76,8 @@ DISPLAY: MappingProxyType[int, Kind] = MappingProxyType(
         GRAVITY_VECTOR: Kind("gravity direction", "m/s^2", 1.0, _NED),
         EARTH_RATE: Kind("vertical Earth rate", "deg/h", DEG_PER_HR, ("up",)),
         EARTH_RATE_MAGNITUDE: Kind("Earth rate", "deg/h", DEG_PER_HR, ("magnitude",)),
-        CARRIER_CHANGE: Kind("change of carrier phase", "m", 1.0, ("change",)),
-        CLONE: Kind("clone of the state", "m", 1.0, ()),
+        CARRIER_PHASE: Kind("carrier phase", "m", 1.0, ("phase",)),
+        ARC_START: Kind("start of an arc of carrier phases", "m", 1.0, ()),
     }
 )
 

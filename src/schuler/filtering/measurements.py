@@ -16,7 +16,7 @@ from schuler.recording.series import GnssSeries
 POSITION, VELOCITY, ZERO_VELOCITY, LATERAL, VERTICAL, SPEED, ZERO_RATE, PSEUDORANGE, RANGE_RATE = range(1, 10)
 HEADING, HEIGHT, FIX, RESET_POSITION, RESET_VELOCITY, GNSS_HEADING = range(10, 16)
 GRAVITY, GRAVITY_VECTOR, EARTH_RATE, EARTH_RATE_MAGNITUDE = range(16, 20)
-CARRIER_CHANGE, CLONE = range(20, 22)
+CARRIER_PHASE, ARC_START = range(20, 22)
 #: Names of the kinds, used in results.
 KINDS = {
     POSITION: "position",
@@ -38,14 +38,14 @@ KINDS = {
     GRAVITY_VECTOR: "gravity_vector",
     EARTH_RATE: "earth_rate",
     EARTH_RATE_MAGNITUDE: "earth_rate_magnitude",
-    CARRIER_CHANGE: "carrier_change",
-    CLONE: "clone",
+    CARRIER_PHASE: "carrier_phase",
+    ARC_START: "arc_start",
 }
-#: Components of each kind; a clone measures nothing.
-DIMENSIONS = {k: 3 if k in (1, 2, 3, 7, 12, 13, 14, 17) else int(k != CLONE) for k in KINDS}
+#: Components of each kind; the first phase of an arc measures nothing but its ambiguity.
+DIMENSIONS = {k: 3 if k in (1, 2, 3, 7, 12, 13, 14, 17) else int(k != ARC_START) for k in KINDS}
 #: Kinds that come from satellites and stop in an outage.
 GNSS_KINDS = (
-    POSITION, VELOCITY, PSEUDORANGE, RANGE_RATE, RESET_POSITION, RESET_VELOCITY, GNSS_HEADING, CARRIER_CHANGE, CLONE
+    POSITION, VELOCITY, PSEUDORANGE, RANGE_RATE, RESET_POSITION, RESET_VELOCITY, GNSS_HEADING, CARRIER_PHASE, ARC_START
 )  # fmt: skip
 #: Kinds that are put into the state instead of being weighed: no innovation test, no smoother.
 RESET_KINDS = (RESET_POSITION, RESET_VELOCITY)
@@ -76,9 +76,9 @@ class MeasurementSchedule:
         vehicle [m/s], in the last column the least speed at which it counts; mean raw angular rate at rest [rad/s];
         satellite position [m], pseudorange [m], place of its clock; satellite position, its velocity [m/s], range rate
         [m/s]; heading [rad]; height [m]; mean raw specific force [m/s^2] and rate [rad/s] at rest, gravity [m/s^2] or
-        zero for the ellipsoid's, and 1 for perfect accelerometers; satellite position now, change of the carrier
-        phase since, satellite position then [m], time of the clone it refers to [s]. A clone has no values: the filter
-        copies its antenna's position and clock offset into states that keep them.
+        zero for the ellipsoid's, and 1 for perfect accelerometers; satellite position, carrier phase [m], channel of
+        its ambiguity, from 1, and time of the phase before in its arc [s], without which, as at the start of an arc,
+        the filter only sets the ambiguity.
     R : ndarray, shape (m, 3, 3)
         Covariance, of vectors in north-east-down axes (zero rate: body axes), of single numbers in the first place.
     lever : ndarray, shape (m, 3)

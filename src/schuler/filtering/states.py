@@ -60,8 +60,7 @@ BLOCKS: MappingProxyType[str, tuple[tuple[int, int, int], ...]] = MappingProxyTy
                 ("b_v", 3),
                 ("delay", 1),
                 *((f"multipath_{i}", 1) for i in range(1, MOST_CHANNELS + 1)),
-                ("clone_r", 3),
-                ("clone_clock", 1),
+                *((f"ambiguity_{i}", 1) for i in range(1, MOST_CHANNELS + 1)),
             )
         },
     }
@@ -69,8 +68,8 @@ BLOCKS: MappingProxyType[str, tuple[tuple[int, int, int], ...]] = MappingProxyTy
 #: Slow errors of single satellites' ranges, channel by channel.
 CHANNELS = tuple(f"multipath_{i}" for i in range(1, MOST_CHANNELS + 1))
 
-#: Blocks that keep a part of the state as it was at an epoch: the engine's memory, which no result shows.
-CLONES = ("clone_r", "clone_clock")
+#: Ambiguities of single satellites' carrier phases, likewise. No result shows either.
+AMBIGUITIES = tuple(f"ambiguity_{i}" for i in range(1, MOST_CHANNELS + 1))
 
 #: One line on each block, with its unit.
 BLOCK_TEXT: MappingProxyType[str, tuple[str, str]] = MappingProxyType(
@@ -103,8 +102,7 @@ BLOCK_TEXT: MappingProxyType[str, tuple[str, str]] = MappingProxyType(
         "b_v": ("correlated error of GNSS velocities, north east down", "m/s"),
         "delay": ("time by which GNSS fixes belong to a later moment than their stamp", "s"),
         **dict.fromkeys(CHANNELS, ("slow error of one satellite's ranges, overhead", "m")),
-        "clone_r": ("position of the antenna at the last epoch of carrier phases, Earth-fixed", "m"),
-        "clone_clock": ("receiver clock offset at the last epoch of carrier phases", "m"),
+        **dict.fromkeys(AMBIGUITIES, ("ambiguity of one satellite's carrier phase", "m")),
     }
 )
 
@@ -184,24 +182,22 @@ class StateLayout:
         unknown = [name for name in self.models if name not in BLOCKS]
         if unknown:
             raise InputError(f"unknown state block {unknown[0]!r}; known are {', '.join(BLOCKS)}")
-        channels = [name for name in self.models if name in CHANNELS]
-        if channels != list(CHANNELS[: len(channels)]):
-            raise InputError(f"channels of slow errors are numbered from 1 without a gap, got {', '.join(channels)}")
+        for numbered in (CHANNELS, AMBIGUITIES):
+            channels = [name for name in self.models if name in numbered]
+            if channels != list(numbered[: len(channels)]):
+                raise InputError(f"channels of satellites are numbered from 1 without a gap, got {', '.join(channels)}")
         if "M_a" in self.models and "M_a6" in self.models:
             raise InputError("M_a and M_a6 are two gauges of the same accelerometer cross-coupling: use one of them")
         if ("clock" in self.models) != ("clock_drift" in self.models):
             raise InputError("clock and clock_drift go together: give both or none")
-        cloned = [name in self.models for name in CLONES]
-        if any(cloned) and not (all(cloned) and "clock" in self.models):
-            raise InputError(f"{' and '.join(CLONES)} go together and with a receiver clock: give all of them or none")
-        # sensor blocks first, then as given, but the drift behind its clock, and channels and clones last
+        # sensor blocks first, then as given, but the drift behind its clock, and channels of satellites last
         places = {name: i for i, name in enumerate(self.models)}
         places["clock_drift"] = places.get("clock", 0)
         ordered = sorted(
             self.models,
             key=lambda name: (
                 BLOCKS[name][0][0] == _OTHER,
-                name in CLONES,
+                name in AMBIGUITIES,
                 name in CHANNELS,
                 places[name],
                 name == "clock_drift",
@@ -247,8 +243,8 @@ class StateLayout:
 
     @property
     def visible(self) -> StateLayout:
-        """The same layout less channels and clones, which stand last: what a result shows."""
-        hidden = {*CHANNELS, *CLONES}
+        """The same layout less channels of satellites, which stand last: what a result shows."""
+        hidden = {*CHANNELS, *AMBIGUITIES}
         if hidden.isdisjoint(self.models):
             return self
         return StateLayout({name: model for name, model in self.models.items() if name not in hidden})

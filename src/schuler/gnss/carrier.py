@@ -1,4 +1,4 @@
-"""Carrier phases from epoch to epoch: arcs in which an ambiguity is constant, and changes in which it cancels."""
+"""Carrier phases: arcs in which an ambiguity is constant, and changes from epoch to epoch in which it cancels."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.gnss.ranges import Ranges
+from schuler.gnss.slow_errors import channels
 from schuler.gnss.weighting import noise_scale
 
 LONGEST_PAUSE_S = 10.0  # over which a change is taken [s]
@@ -27,15 +28,34 @@ class CarrierChanges:
         Of the corrected carrier range. [m]
     sigma : ndarray, shape (m,)
         1-sigma. [m]
-    epochs : ndarray, shape (k,)
-        Times at which there are carrier phases: where changes begin and end. [s]
     """
 
     now: IntArray
     before: IntArray
     change: FloatArray
     sigma: FloatArray
-    epochs: FloatArray
+
+
+@dataclass(frozen=True)
+class CarrierPhases:
+    """Carrier phases of satellites in use, each with the channel of its ambiguity.
+
+    Attributes
+    ----------
+    row : ndarray of int, shape (m,)
+        Rows of the ranges, in order of time.
+    before : ndarray of int, shape (m,)
+        Row of the phase before in the same arc, at the epoch before; -1 where an arc begins.
+    sigma : ndarray, shape (m,)
+        1-sigma of white noise. [m]
+    channel : ndarray of int, shape (m,)
+        From 1; 0 where there are more satellites than channels.
+    """
+
+    row: IntArray
+    before: IntArray
+    sigma: FloatArray
+    channel: IntArray
 
 
 def begin_arcs(sat: IntArray, carrier: FloatArray, signal: IntArray, lock: IntArray) -> IntArray:
@@ -83,18 +103,42 @@ def carrier_changes(ranges: Ranges, sigma: float) -> CarrierChanges:
     InputError
         If ``sigma`` is not positive.
     """
-    if not sigma > 0.0:
-        raise InputError(f"sigma: expected a positive standard deviation of carrier phases in metres, got {sigma}")
-    rows = np.flatnonzero(ranges.used & np.isfinite(ranges.carrier_range) & np.isfinite(ranges.r_sat_e).all(axis=1))
-    epochs, epoch = np.unique(ranges.t[rows], return_inverse=True)
-    order = np.lexsort((epoch, ranges.sat[rows]))
-    a, b = order[:-1], order[1:]
-    before, now = rows[a], rows[b]
-    together = (ranges.sat[before] == ranges.sat[now]) & (ranges.arc[before] == ranges.arc[now])
-    together &= (epoch[b] == epoch[a] + 1) & (ranges.t[now] - ranges.t[before] <= LONGEST_PAUSE_S)
-    in_time = np.argsort(now[together], kind="stable")
-    before, now = before[together][in_time], now[together][in_time]
+    p = carrier_phases(ranges, sigma, 0)
+    linked = p.before >= 0
+    now, before = p.row[linked], p.before[linked]
     scale = noise_scale(ranges.elevation, ranges.cn0, "elevation+cn0")
     noise = sigma * np.hypot(scale[now], scale[before])
     noise = np.hypot(noise, DRIFT * (ranges.t[now] - ranges.t[before]))
-    return CarrierChanges(now, before, ranges.carrier_range[now] - ranges.carrier_range[before], noise, epochs)
+    return CarrierChanges(now, before, ranges.carrier_range[now] - ranges.carrier_range[before], noise)
+
+
+def carrier_phases(ranges: Ranges, sigma: float, most: int) -> CarrierPhases:
+    """Carrier phases of satellites in use, linked to the phases before in their arcs.
+
+    Parameters
+    ----------
+    ranges : Ranges
+    sigma : float
+        1-sigma of a phase of a strong satellite overhead; it grows as noise of codes does. [m]
+    most : int
+        Number of channels. A satellite keeps its own until it was away for ten seconds, over which an arc may go on.
+
+    Raises
+    ------
+    InputError
+        If ``sigma`` is not positive.
+    """
+    if not sigma > 0.0:
+        raise InputError(f"sigma: expected a positive standard deviation of carrier phases in metres, got {sigma}")
+    rows = np.flatnonzero(ranges.used & np.isfinite(ranges.carrier_range) & np.isfinite(ranges.r_sat_e).all(axis=1))
+    rows = rows[np.argsort(ranges.t[rows], kind="stable")]
+    _, epoch = np.unique(ranges.t[rows], return_inverse=True)
+    order = np.lexsort((epoch, ranges.sat[rows]))
+    a, b = order[:-1], order[1:]
+    together = (ranges.sat[rows[a]] == ranges.sat[rows[b]]) & (ranges.arc[rows[a]] == ranges.arc[rows[b]])
+    together &= (epoch[b] == epoch[a] + 1) & (ranges.t[rows[b]] - ranges.t[rows[a]] <= LONGEST_PAUSE_S)
+    before = np.full(len(rows), -1, dtype=np.int64)
+    before[b[together]] = rows[a[together]]
+    scale = noise_scale(ranges.elevation[rows], ranges.cn0[rows], "elevation+cn0")
+    channel = channels(ranges.t[rows], ranges.sat[rows], LONGEST_PAUSE_S, most)
+    return CarrierPhases(rows, before, sigma * scale, channel)

@@ -53,18 +53,41 @@ def slow_channels(ranges: Ranges, tau: float, most: int) -> IntArray:
     """
     channel = np.zeros(len(ranges), dtype=np.int64)
     rows = np.flatnonzero(ranges.used & np.isfinite(ranges.pseudorange))
+    rows = rows[np.argsort(ranges.t[rows], kind="stable")]
+    channel[rows] = channels(ranges.t[rows], ranges.sat[rows], _FORGOTTEN * tau, most)
+    return channel
+
+
+def channels(t: FloatArray, sat: IntArray, kept_s: float, most: int) -> IntArray:
+    """Channels of satellites, each of which only one has at a time.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Times, non-decreasing. [s]
+    sat : ndarray of int, shape (n,)
+    kept_s : float
+        Absence after which a channel may go to another satellite. [s]
+    most : int
+        Number of channels.
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+        From 1; 0 where there is none.
+    """
+    channel = np.zeros(len(t), dtype=np.int64)
     owner, seen = [0] * most, [-np.inf] * most
     of: dict[int, int] = {}
-    for row in rows[np.argsort(ranges.t[rows], kind="stable")].tolist():
-        sat, t = int(ranges.sat[row]), float(ranges.t[row])
-        if sat not in of:
-            free = next((k for k in range(most) if t - seen[k] > _FORGOTTEN * tau), None)
+    for row, (when, one) in enumerate(zip(t.tolist(), sat.tolist(), strict=True)):
+        if one not in of:
+            free = next((k for k in range(most) if when - seen[k] > kept_s), None)
             if free is None:
                 continue
             of.pop(owner[free], None)
-            owner[free], of[sat] = sat, free
-        seen[of[sat]] = t
-        channel[row] = of[sat] + 1
+            owner[free], of[one] = one, free
+        seen[of[one]] = when
+        channel[row] = of[one] + 1
     return channel
 
 

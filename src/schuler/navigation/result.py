@@ -17,7 +17,17 @@ from schuler.filtering.engine import ForwardRun, unpack_symmetric
 from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.filter_arrays import SmootherNodes
 from schuler.filtering.initial_state import InitialState
-from schuler.filtering.measurements import ACCEPTED, CLONE, DIMENSIONS, FORCED, GATED, KINDS, REJECTED, STATUS, UNUSED
+from schuler.filtering.measurements import (
+    ACCEPTED,
+    ARC_START,
+    DIMENSIONS,
+    FORCED,
+    GATED,
+    KINDS,
+    REJECTED,
+    STATUS,
+    UNUSED,
+)
 from schuler.filtering.node_parts import NodeParts
 from schuler.filtering.states import BLOCK_TEXT, StateLayout
 from schuler.mechanization.strapdown import NavState
@@ -171,8 +181,8 @@ class NavigationResult(Displayed):
     def from_run(
         cls, forward: ForwardRun, schedule_t: FloatArray, kinds: IntArray, layout: StateLayout, **rest: Any
     ) -> NavigationResult:
-        """Result object of a forward run, without its channels and clones; ``rest`` are further fields."""
-        rec, shown, given = forward.rec_nav, layout.visible, kinds != CLONE
+        """Result object of a forward run, without what satellites' channels need; ``rest`` are further fields."""
+        rec, shown, given = forward.rec_nav, layout.visible, kinds != ARC_START
         n = shown.size
         with np.errstate(invalid="ignore"):  # of a covariance that broke down; the verdict says so
             sigma = np.sqrt(forward.variance)

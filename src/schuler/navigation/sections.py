@@ -288,6 +288,9 @@ class TightSection(Section):
         description="time-differenced: also use how carrier phases change between epochs; rtk: against a base, too",
     )
     carrier_sigma_m: Positive = Field(0.003, description="1-sigma of the phase of a strong satellite overhead")
+    carrier_walk_m: NonNegative = Field(
+        0.003, description="random walk of a phase within its arc, m per square root of a second"
+    )
     base: BaseSection = Field(BaseSection(), description="for carrier = rtk")
     integrity: bool = Field(True, description="snapshot fault detection and exclusion before the filter")
     min_satellites: Annotated[int, Field(ge=1)] = Field(1, description="epochs with fewer are left out")

@@ -8,7 +8,8 @@ from schuler import units
 from schuler.arrays import FloatArray
 from schuler.exceptions import ConfigError
 from schuler.filtering.limits import MAX_STATES, MOST_CHANNELS
-from schuler.filtering.states import BLOCKS, CHANNELS, CLONES, NAVIGATION, StateLayout, StateModel, layout_for
+from schuler.filtering.states import AMBIGUITIES, BLOCKS, CHANNELS, NAVIGATION, StateLayout, StateModel, layout_for
+from schuler.gnss.carrier import carrier_phases
 from schuler.gnss.ranges import Ranges
 from schuler.gnss.slow_errors import slow_channels
 from schuler.navigation.config import NavigationConfig
@@ -101,8 +102,10 @@ def _block_models(config: NavigationConfig, spec: ImuSpec, ranges: Ranges | None
     else:
         models = layout_for(spec, states).models
     models = {**models, **required, **given}
-    room = MAX_STATES - len(NAVIGATION) * 3 - sum(len(BLOCKS[name]) for name in models if name not in CHANNELS)
-    return {name: model for name, model in models.items() if name not in CHANNELS[max(room, 0) :]}
+    for numbered in (CHANNELS, AMBIGUITIES):  # where room is short, slow errors without a state count as white noise
+        room = MAX_STATES - len(NAVIGATION) * 3 - sum(len(BLOCKS[name]) for name in models if name not in numbered)
+        models = {name: model for name, model in models.items() if name not in numbered[max(room, 0) :]}
+    return models
 
 
 def aiding_models(config: NavigationConfig, ranges: Ranges | None) -> dict[str, StateModel]:
@@ -154,7 +157,8 @@ def aiding_models(config: NavigationConfig, ranges: Ranges | None) -> dict[str, 
             model = StateModel.gauss_markov(slow.position_sigma_m, slow.position_tau_s)
             models |= dict.fromkeys(CHANNELS[:channels], model)
         if tight.carrier != "off":
-            models |= dict.fromkeys(CLONES, StateModel.constant(0.0))
+            channels = carrier_phases(ranges, tight.carrier_sigma_m, MOST_CHANNELS).channel.max(initial=0)
+            models |= dict.fromkeys(AMBIGUITIES[:channels], StateModel.random_walk(0.0, tight.carrier_walk_m))
     return models
 
 

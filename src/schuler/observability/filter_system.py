@@ -184,10 +184,8 @@ def _along(
     """The engine itself along the truth: with no covariance its whitened rows are H, and its gains zero."""
     if np.isin(schedule.kind, RESET_KINDS).any():
         raise InputError("resets have no memory: observability needs measurements that are weighed")
-    if "clone_r" in layout:
-        raise InputError(
-            "changes of carrier phases are not part of an observability analysis: leave gnss.tight.carrier"
-        )
+    if "ambiguity_1" in layout:
+        raise InputError("carrier phases are not part of an observability analysis: leave gnss.tight.carrier")
     ideal = ideal_imu(motion, imu_rate_hz, earth_rotation=earth_rotation)
     truth = ideal.truth
     increments = ImuSeries(ideal.t[1:], ideal.gyro, ideal.accel, "increment").increments()

@@ -13,8 +13,7 @@ import pytest
 from schuler import frames
 from schuler.exceptions import InputError
 from schuler.filtering.initial_state import InitialState
-from schuler.filtering.limits import MAX_STATES
-from schuler.filtering.states import CHANNELS, StateLayout, StateModel
+from schuler.filtering.states import AMBIGUITIES, CHANNELS, StateLayout, StateModel
 from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.ephemerides import Ephemerides, no_glonass
 from schuler.gnss.point import solve_points
@@ -363,12 +362,15 @@ def test_a_clean_run(case, clean):
     assert np.abs(clock - at)[inside].max() < 5.0 * result.sigma("clock").max()
 
 
-def test_satellites_beyond_the_room_for_states_count_as_white_noise(case, clean):
-    """With all errors of the IMU estimated only some satellites have a state for their slow error."""
+@pytest.mark.parametrize("carrier", ["off", "time-differenced"])
+def test_satellites_beyond_the_room_for_states(case, clean, carrier, monkeypatch):
+    """With all errors of the IMU estimated only some satellites have a state for an ambiguity, or for a slow error."""
+    monkeypatch.setattr("schuler.navigation.states.MAX_STATES", 64)
     config = {
         "imu": {"catalogue": IMU},
         "gnss": {
-            "coupling": "tight", "lever_arm_m": tuple(LEVER), "lever_sigma_m": 0.1, "tight": CLOCK,
+            "coupling": "tight", "lever_arm_m": tuple(LEVER), "lever_sigma_m": 0.1,
+            "tight": CLOCK | {"carrier": carrier},
             "correlated": {"position_sigma_m": 0.5, "position_tau_s": 30.0},
         },
         "filter": {"smooth": False, "states": ("b_a", "b_g", "b_a_run", "b_g_run", "S_a", "S_g", "M_a6", "M_g", "G_g")},
@@ -376,10 +378,15 @@ def test_satellites_beyond_the_room_for_states_count_as_white_noise(case, clean)
     config["filter"]["models"] = {name: {"sigma": 1e-3} for name in config["filter"]["states"]}
     parsed = NavigationConfig.parse(config)
     layout = state_layout(parsed, imu_spec(parsed), clean)
-    assert layout.size == MAX_STATES
-    assert layout.visible.size == MAX_STATES - sum(name in layout for name in CHANNELS)
-    assert slow_channels(clean, 30.0, len(CHANNELS)).max() > sum(name in layout for name in CHANNELS)
-    sound(case, navigate(case.recording(clean), parsed))
+    given, other = (CHANNELS, AMBIGUITIES) if carrier == "off" else (AMBIGUITIES, CHANNELS)
+    count = sum(name in layout for name in given)
+    assert layout.size == 64 == layout.visible.size + count
+    assert other[0] not in layout
+    assert slow_channels(clean, 30.0, len(CHANNELS)).max() > count
+    result = navigate(case.recording(clean), parsed)
+    sound(case, result)
+    phases = result.innovations.of("carrier_phase")
+    assert len(phases) == 0 or np.unique(phases.t, return_counts=True)[1].max() == count
 
 
 @pytest.mark.parametrize("metres", [-3e5, 70.0])
@@ -493,7 +500,7 @@ def test_carriers_make_velocity_surer_and_slips_do_no_harm(case, clean):
     moved = slipped.states.v_eb_e - carriers.states.v_eb_e
     assert np.abs(moved).max() < 0.005
     assert any("5 of " in note and "cycle slips" in note for note in slipped.notes), slipped.notes
-    assert slipped.innovations.rejected().get("carrier_change", 0) == 0
+    assert slipped.innovations.rejected().get("carrier_phase", 0) == 0
     assert carriers.layout.blocks == codes.layout.blocks
 
 

@@ -36,11 +36,11 @@ def test_marks_stand_where_the_carrier_slipped_and_nowhere_else(subject):
 
 def test_every_change_belongs_to_its_satellite(subject):
     changes = carrier_changes(subject.ranges, 0.003)
-    tested = subject.result.innovations.of("carrier_change")
-    named = subject.satellite_of("carrier_change")
+    tested = subject.result.innovations.of("carrier_phase")
+    named = subject.satellite_of("carrier_phase")
     late = subject.ranges.t[changes.now] > subject.result.t[0]
     assert np.array_equal(named[tested.t > subject.result.t[0]], subject.ranges.sat[changes.now][late])
-    figure = innovations.by_satellite(subject, "carrier_change")
+    figure = innovations.by_satellite(subject, "carrier_phase")
     assert len(figure.panels) == len(np.unique(named[named > 0]))
 
 

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 
-from schuler.filtering.kernels.update import CARRIER_CHANGE, POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY, innovate
+from schuler.filtering.kernels.update import CARRIER_PHASE, POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY, innovate
 from schuler.jit import borrowing, inlined
 
 # What became of a measurement.
@@ -306,7 +306,7 @@ def judge(kind, t, nis, d, gate, R, settings, state, model, work):
     if row[COUNT] <= settings.lockout:
         return REJECTED
     row[COUNT] = 0.0 if d == 3 else row[COUNT] - 1.0
-    if kind in (PSEUDORANGE, RANGE_RATE, CARRIER_CHANGE):
+    if kind in (PSEUDORANGE, RANGE_RATE, CARRIER_PHASE):
         enlarge_in_proportion(min(nis / d, DRIFT), 9 + model.n_sensor, state.P)
         repeated(state, work, R, d)
     return FORCED

@@ -1,4 +1,4 @@
-"""Compiled rows of H for single satellites: pseudorange, range rate, change of the carrier phase."""
+"""Compiled rows of H for single satellites: pseudorange, range rate, carrier phase."""
 
 from __future__ import annotations
 
@@ -52,6 +52,14 @@ def multipath(z, est, i_first, H, y):
 
 
 @inlined
+def ambiguity(z, est, i_first, H, y):
+    """Add the ambiguity of a carrier phase to row 0: ``z[4]`` its channel, from 1."""
+    i = i_first + int(z[4]) - 1
+    H[0, i] = 1.0
+    y[0] += est[i - 9]
+
+
+@inlined
 def range_rate(z, L0, L1, L2, M0, M1, M2, w0, w1, w2, nav, est, i_clock, i_lever, omega, H, y):
     """Rate of the above; ``M = C (omega_ib x l)``, ``w`` the rate itself; ``z`` = satellite 3, its velocity 3, rate.
 
@@ -86,19 +94,3 @@ def range_rate(z, L0, L1, L2, M0, M1, M2, w0, w1, w2, nav, est, i_clock, i_lever
         H[0, i_lever + 1] = f0 * c01 + f1 * c11 + h2 * c21 + t2 * w0 - t0 * w2
         H[0, i_lever + 2] = f0 * c02 + f1 * c12 + h2 * c22 + t0 * w1 - t1 * w0
     return g0, g1, g2
-
-
-@inlined
-def carrier_change(z, est, i_clone, i_clone_clock, omega, H, y):
-    """Subtract the range at the clone from the pseudorange in row 0: ``z`` = satellite now 3, change, satellite then 3.
-
-    Satellites move and the Earth turns between both; what is left is the antenna's and the clock's own change.
-    """
-    x, y0, z0 = est[i_clone - 9], est[i_clone - 8], est[i_clone - 7]
-    d0, d1, d2 = z[4] - x, z[5] - y0, z[6] - z0
-    rho = math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-    k = omega / _C
-    y[0] -= rho + k * (z[4] * y0 - z[5] * x) + est[i_clone_clock - 9]
-    H[0, i_clone], H[0, i_clone + 1], H[0, i_clone + 2] = d0 / rho + k * z[5], d1 / rho - k * z[4], d2 / rho
-    H[0, i_clone_clock] = -1.0
-    return 1

@@ -22,17 +22,19 @@ from schuler.filtering.filter_arrays import (
 from schuler.filtering.kernels.accumulation import parameter_columns, regressor_integrals, store_interval
 from schuler.filtering.kernels.axes import TURNED, turn_axes
 from schuler.filtering.kernels.covariance import add_clock_drift, add_half_noise, decay, flush
-from schuler.filtering.kernels.gate import ACCEPTED, FORCED, GATED, R_SCALE, REJECTED, USED_AT, judge
+from schuler.filtering.kernels.gate import ACCEPTED, FORCED, GATED, R_SCALE, REJECTED, judge
 from schuler.filtering.kernels.sensor_errors import compensate, spread_estimates
 from schuler.filtering.kernels.update import (
+    ARC_START,
+    AT_AMBIGUITY,
     AT_CLOCK,
-    CARRIER_CHANGE,
-    CLONE,
+    BEGUN,
+    CARRIER_PHASE,
     LATERAL,
     RESET_POSITION,
     RESET_VELOCITY,
     SPEED,
-    clone,
+    begin_arc,
     correct,
     innovate,
     measurement_rows,
@@ -47,7 +49,7 @@ from schuler.mechanization.kernels import advance_ecef, cut_interval, fit_interv
 CNT_PAST, CNT_SINCE, CNT_MEAS, CNT_REC, CNT_NODE, CNT_UPD, CNT_OUT, CNT_EPOCH, CNT_FLUSH, N_CNT = range(10)
 
 
-SAME_TIME_S = 1e-6  # between a clone and the epoch that a change of carrier phase begins at
+SAME_TIME_S = 1e-6  # between the last phase of a channel and the one before of its arc
 
 
 @inlined
@@ -155,20 +157,6 @@ def keep_enlarged(P, nav, acc, B, t, cnt, nodes):
 
 
 @inlined
-def keep_clone(P, nav, acc, L0, L1, L2, B, t, cnt, nodes):
-    """Store a covariance after cloning, as a node of its own whose elapsed time of -1 says what the transition is.
-
-    In place of its sums stand the lever arm in Earth-fixed axes and the attitude.
-    """
-    acc[0], acc[1], acc[2], acc[3] = -1.0, L0, L1, L2
-    for i in range(4):
-        acc[4 + i] = nav[i]
-    keep_enlarged(P, nav, acc, B, t, cnt, nodes)
-    for i in range(8):
-        acc[i] = 0.0
-
-
-@inlined
 def keep_before(state):
     """Keep attitude and parameters before the first update of a time."""
     before, nav, est = state.before, state.nav, state.est
@@ -205,13 +193,19 @@ def turn(state, model, work, t, nodes):
 
 
 @inlined
-def update_clone(j, aiding, state, model, work, nodes):
-    """Clone the state for the carrier phases of the next epoch."""
-    L0, L1, L2 = clone(state.P, state.nav, state.est, aiding.lever[j], model.places, work.H, work.W)
-    state.gates[CLONE, USED_AT] = aiding.t[j]
+def start_arc(j, channel, aiding, state, model, work, nodes):
+    """Begin an arc with carrier phase ``j``, whose row is in ``work``; to the smoother it is a node of its own.
+
+    In place of the node's sums stands the ambiguity's place, in place of its first update the row of the transition.
+    """
+    i, cnt = model.places[AT_AMBIGUITY] + channel - 1, state.counts
+    begin_arc(state.P, state.est, i, aiding.R[j, 0], work.H, work.y, work.G, work.W)
+    state.arcs[channel - 1] = aiding.t[j]
     if nodes.t.shape[0] > 0:
-        keep_clone(state.P, state.nav, state.acc, L0, L1, L2, work.B, aiding.t[j], state.counts, nodes)
-    return ACCEPTED
+        state.acc[0], state.acc[1] = BEGUN, i
+        keep_enlarged(state.P, state.nav, state.acc, work.B, aiding.t[j], cnt, nodes)
+        state.acc[0] = state.acc[1] = 0.0
+        keep_update(work.W, work.G, work.e, 1, cnt, nodes)
 
 
 @inlined
@@ -222,15 +216,15 @@ def update(j, aiding, state, model, settings, work, nodes):
     slow = nav[4] * nav[4] + nav[5] * nav[5] + nav[6] * nav[6] < z[7] * z[7]
     if aiding.gate[j] < 0.0 or (slow and LATERAL <= kind <= SPEED):
         return GATED
-    if kind == CLONE:
-        return update_clone(j, aiding, state, model, work, nodes)
-    if kind == CARRIER_CHANGE and not abs(state.gates[CLONE, USED_AT] - z[7]) < SAME_TIME_S:
-        return GATED  # of another epoch than the one that is kept
     H, y, W, G, e, S, U = work.H, work.y, work.W, work.G, work.e, work.S, work.U
     d = measurement_rows(
         kind, z, aiding.lever[j], nav, est, work.reg, sens, model.table, model.n_sensor, model.places, model.omega,
         H, y, U,
     )  # fmt: skip
+    channel = int(z[4]) if kind in (CARRIER_PHASE, ARC_START) else 0
+    if channel > 0 and not (kind == CARRIER_PHASE and abs(state.arcs[channel - 1] - z[5]) < SAME_TIME_S):
+        start_arc(j, channel, aiding, state, model, work, nodes)  # or the phase before was not there: an outage
+        return ACCEPTED if kind == ARC_START else GATED
     for i in range(d):
         aiding.innovation[j, i] = -y[i]
     if kind in (RESET_POSITION, RESET_VELOCITY):
@@ -245,6 +239,10 @@ def update(j, aiding, state, model, settings, work, nodes):
     status = judge(kind, aiding.t[j], nis, d, aiding.gate[j], R, settings, state, model, work)
     if status == FORCED and nodes.t.shape[0] > 0:
         keep_enlarged(P, nav, state.acc, work.B, aiding.t[j], cnt, nodes)
+    if channel > 0:
+        state.arcs[channel - 1] = aiding.t[j]
+        if status == REJECTED:  # a slip: the next phase is tested against this one
+            start_arc(j, channel, aiding, state, model, work, nodes)
     if status != REJECTED:
         if model.free_axes:
             keep_before(state)
@@ -392,7 +390,7 @@ def prepare_filter() -> None:
                 (
                     of(ImuStream, m, m, f, f, yes),
                     of(Aiding, f, k, m, m, m, f, k, f, m, m),
-                    of(FilterArrays, f, f, m, f, f, f, f, m, f, f, k, m, f, m),
+                    of(FilterArrays, f, f, m, f, f, f, f, m, f, f, k, m, f, m, f),
                     of(Model, km, m, k, k, f, i, yes, yes, yes, x),
                     of(Settings, i, x, x, i, i, x, yes, x, x, x),
                     of(Workspace, m, m, f, f, m, m, m, m, f, f, c, f, c, m, m, m, f, f, m, m, m, f, f),

@@ -27,8 +27,8 @@ import numpy as np
 
 from schuler.filtering.filter_arrays import SmootherNodes
 from schuler.filtering.kernels.axes import TURNED, turn_back
-from schuler.filtering.kernels.covariance import PAD, dcm, padded, transition
-from schuler.filtering.kernels.update import AT_CLONE_CLOCK, AT_CLONE_R, AT_LEVER, antenna_rows
+from schuler.filtering.kernels.covariance import PAD, padded, transition
+from schuler.filtering.kernels.update import BEGUN
 from schuler.jit import inlined, kernel, over_states, prepare
 from schuler.mechanization.kernels import half_angle
 
@@ -171,26 +171,18 @@ def triangularise(Y, v, t, n, wide):
 
 
 @inlined
-def clone_back(phi, places, i_clock, lam, Y, J, v, t, n, wide):
-    """Adjoint and information before a clone: ``T' lam`` and ``Y T``; see ``update.clone`` and ``run.keep_clone``."""
-    first, last = places[AT_CLONE_R], places[AT_CLONE_CLOCK]
-    antenna_rows(phi[1], phi[2], phi[3], dcm(phi[4:8]), places[AT_LEVER], J)
-    for a in range(3):
-        s = lam[first + a]
-        lam[first + a] = 0.0
-        for j in range(n):
-            lam[j] += s * J[a, j]
-    lam[i_clock] += lam[last]
-    lam[last] = 0.0
+def arc_back(k, g, lam, Y, v, t, n, wide):
+    """Adjoint and information before an arc began, ``T' lam`` and ``Y T``: row ``k`` of T is ``g`` (``begin_arc``)."""
+    s = lam[k]
+    lam[k] = 0.0
+    for j in range(n):
+        lam[j] += s * g[j]
     for i in range(n):
         row = Y[i]
-        for a in range(3):
-            s = row[first + a]
-            row[first + a] = 0.0
-            for j in range(n):
-                row[j] += s * J[a, j]
-        row[i_clock] += row[last]
-        row[last] = 0.0
+        s = row[k]
+        row[k] = 0.0
+        for j in range(n):
+            row[j] += s * g[j]
     triangularise(Y, v, t, n, wide)
 
 
@@ -226,10 +218,13 @@ def smooth(nodes, record, minus, plus, rec_x, rec_P, carry, begins):
     v, t = np.zeros(n), np.zeros(PAD)
     Phi, A = np.zeros((9, PAD)), np.zeros((9, 9))
     D, acc, nav = np.ones(max(m, 1)), np.zeros(8), np.zeros(10)
-    P, X, J = np.zeros((n, PAD)), np.zeros((n, PAD)), np.zeros((3, PAD))
+    P, X = np.zeros((n, PAD)), np.zeros((n, PAD))
     A[2, 2] = 1.0
     for node in range(n_nodes - 1, -1, -1):
         first = nodes.upd[node - 1] if node > 0 else 0
+        begun = node > 0 and nodes.phi[node, 0] == BEGUN
+        if begun:
+            first += 1  # the row of the transition
         if node < n_nodes - 1:
             for i in range(n):
                 inj[i] = 0.0
@@ -282,8 +277,8 @@ def smooth(nodes, record, minus, plus, rec_x, rec_P, carry, begins):
             turn_back(nodes.B[node], n_sensor, lam, Y, n, wide)
             triangularise(Y, v, t, n, wide)
             continue
-        if T < 0.0:
-            clone_back(nodes.phi[node], nodes.places, i_clock, lam, Y, J, v, t, n, wide)
+        if begun:
+            arc_back(int(nodes.phi[node, 1]), nodes.G[first - 1, 0], lam, Y, v, t, n, wide)
             continue
         for i in range(8):
             acc[i] = nodes.phi[node, i]
@@ -372,7 +367,7 @@ def prepare_smoother() -> None:
     import numba as nb
 
     f, m, c, i = nb.float64[::1], nb.float64[:, ::1], nb.float64[:, :, ::1], nb.int64[::1]
-    nodes = nb.types.NamedTuple((f, m, m, c, i, c, c, m, m, nb.int64, nb.int64, i, nb.float64), SmootherNodes)
+    nodes = nb.types.NamedTuple((f, m, m, c, i, c, c, m, m, nb.int64, nb.int64, nb.float64), SmootherNodes)
     prepare(
         [
             (smooth, (nodes, i, m, m, m, m, m, nb.boolean)),

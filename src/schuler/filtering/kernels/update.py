@@ -6,7 +6,7 @@ import math
 
 from schuler.earth import WGS84
 from schuler.filtering.kernels.covariance import PAD, dcm, padded
-from schuler.filtering.kernels.range import carrier_change, multipath, pseudorange, range_rate
+from schuler.filtering.kernels.range import ambiguity, multipath, pseudorange, range_rate
 from schuler.filtering.kernels.rest import earth_rate, gravity_magnitude, gravity_vector
 from schuler.filtering.kernels.vehicle import heading, height, rate_columns, vehicle_velocity, zero_rate
 from schuler.jit import borrowing, inlined
@@ -36,13 +36,14 @@ GRAVITY = 16
 GRAVITY_VECTOR = 17
 EARTH_RATE = 18
 EARTH_RATE_MAGNITUDE = 19
-CARRIER_CHANGE = 20
-CLONE = 21
+CARRIER_PHASE = 20
+ARC_START = 21
 
 (
     AT_LEVER, AT_MOUNT, AT_ODOMETER, AT_LEVER_V, AT_CLOCK, AT_CLOCK_2, AT_CLOCK_3, AT_CLOCK_4, AT_HEADING, AT_BARO,
-    AT_B_R, AT_B_V, AT_DELAY, AT_CLONE_R, AT_CLONE_CLOCK, AT_MULTIPATH,
-) = range(16)  # order of limits.PLACES  # fmt: skip
+    AT_B_R, AT_B_V, AT_DELAY, AT_MULTIPATH, AT_AMBIGUITY,
+) = range(15)  # order of limits.PLACES  # fmt: skip
+BEGUN = -1.0  # elapsed time of a node that is no propagation but the start of an arc of carrier phases
 
 
 @inlined
@@ -213,12 +214,13 @@ def pseudorange_row(z, lever, nav, est, at, omega, H, y):
 
 
 @inlined
-def carrier_change_row(z, lever, nav, est, at, omega, H, y):
-    """Change of one satellite's carrier phase since the clone; the clocks of all systems change alike."""
+def carrier_phase_row(z, lever, nav, est, at, omega, H, y):
+    """Carrier phase of one satellite; what its system's clock differs by is in the ambiguity."""
     l0, l1, l2 = estimated_lever(lever, est, at[AT_LEVER])
     L0, L1, L2 = turned_by(dcm(nav), l0, l1, l2)
     pseudorange(z, L0, L1, L2, nav, est, at[AT_CLOCK], -1, at[AT_LEVER], omega, H, y)
-    return carrier_change(z, est, at[AT_CLONE_R], at[AT_CLONE_CLOCK], omega, H, y)
+    ambiguity(z, est, at[AT_AMBIGUITY], H, y)
+    return 1
 
 
 @inlined
@@ -279,8 +281,8 @@ def measurement_rows(kind, z, lever, nav, est, reg, sens, ptab, n_sensor, at, om
         return vehicle_row(kind, z, lever, nav, est, reg, sens, ptab, n_sensor, at, omega, H, y)
     if kind == PSEUDORANGE:
         return pseudorange_row(z, lever, nav, est, at, omega, H, y)
-    if kind == CARRIER_CHANGE:
-        return carrier_change_row(z, lever, nav, est, at, omega, H, y)
+    if kind in (CARRIER_PHASE, ARC_START):
+        return carrier_phase_row(z, lever, nav, est, at, omega, H, y)
     if kind == RANGE_RATE:
         return range_rate_row(z, lever, nav, est, reg, sens, ptab, n_sensor, at, omega, H, y)
     if kind == ZERO_RATE:
@@ -319,61 +321,32 @@ def reset(kind, R, P, nav, y, U):
             P[first + i, first + j] = v
 
 
-@inlined
-def antenna_rows(L0, L1, L2, c, i_lever, H):
-    """Derivative of an antenna's Earth-fixed position ``r + C l`` by the states: three rows of ``H``."""
-    clear_rows(H)
-    for i in range(3):
-        H[i, 6 + i] = 1.0
-        if i_lever >= 0:
-            for a in range(3):
-                H[i, i_lever + a] = c[3 * i + a]
-    H[0, 1], H[0, 2] = L2, -L1
-    H[1, 0], H[1, 2] = -L2, L0
-    H[2, 0], H[2, 1] = L1, -L0
-
-
 @borrowing
-def clone(P, nav, est, lever, at, H, W):
-    """Copy antenna position and clock offset into the states that keep them, with all correlations.
+def begin_arc(P, est, i, R, H, y, G, W):
+    """Make the ambiguity of a carrier phase, state ``i``, what the phase differs from the predicted range by.
 
-    ``P <- T P T'``, T the identity but for the rows of the clone, which are those of the antenna and the clock.
-    Returns the lever arm in Earth-fixed axes.
-
-    References
-    ----------
-    Roumeliotis and Burdick (2002), ICRA, 1788-1795, section 3.
+    ``H`` and ``y`` are the phase's row and difference, ``R`` its variance. ``P <- T P T' + R``: T is the identity but
+    for row ``i``, which is left in ``G``: ``-H`` less the ambiguity itself, so that its error has all correlations of
+    that range. Nothing is known of it from before.
     """
-    n, first, last, i_clock = P.shape[0], at[AT_CLONE_R], at[AT_CLONE_CLOCK], at[AT_CLOCK]
-    l0, l1, l2 = estimated_lever(lever, est, at[AT_LEVER])
-    c = dcm(nav)
-    L0, L1, L2 = turned_by(c, l0, l1, l2)
-    est[first - 9], est[first - 8], est[first - 7] = nav[7] + L0, nav[8] + L1, nav[9] + L2
-    est[last - 9] = est[i_clock - 9]
-    antenna_rows(L0, L1, L2, c, at[AT_LEVER], H)
-    for a in range(3):
-        w = W[a]
-        for j in range(n):
-            w[j] = 0.0
-        for i in range(n):
-            h = H[a, i]
-            if h != 0.0:
-                p = P[i]
-                for j in range(n):
-                    w[j] += h * p[j]
-    for a in range(3):
-        for j in range(n):
-            P[first + a, j] = P[j, first + a] = W[a, j]
-    for a in range(3):
-        for b in range(a + 1):
-            v = 0.0
-            for i in range(n):
-                v += H[a, i] * W[b, i]
-            P[first + a, first + b] = P[first + b, first + a] = v
+    n = P.shape[0]
+    est[i - 9] -= y[0]
+    g, w = G[0], W[0]
     for j in range(n):
-        P[last, j] = P[j, last] = P[i_clock, j]
-    P[last, last] = P[i_clock, i_clock]
-    return L0, L1, L2
+        g[j] = -H[0, j]
+        w[j] = 0.0
+    g[i] = 0.0
+    for k in range(n):
+        if g[k] != 0.0:
+            p = P[k]
+            for j in range(n):
+                w[j] += g[k] * p[j]
+    v = R
+    for j in range(n):
+        v += w[j] * g[j]
+    for j in range(n):
+        P[i, j] = P[j, i] = w[j]
+    P[i, i] = v
 
 
 @borrowing

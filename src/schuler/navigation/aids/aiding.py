@@ -10,7 +10,7 @@ import numpy as np
 from schuler import units
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import PSEUDORANGE, MeasurementSchedule, gnss_measurements, merged
-from schuler.filtering.states import CHANNELS
+from schuler.filtering.states import AMBIGUITIES, CHANNELS
 from schuler.gnss.ranges import Ranges
 from schuler.navigation.aids.rest import SHAKEN, earth_rates, gravities, rests, zero_rates, zero_velocities
 from schuler.navigation.aids.satellite import carrier_measurements, range_measurements, resets, thinned
@@ -161,7 +161,13 @@ def _satellite_parts(sources: Sources, config: NavigationConfig, spec: ImuSpec) 
             return ranges
         return merged(
             ranges,
-            carrier_measurements(sources.ranges, section.lever_arm_m, sigma=section.tight.carrier_sigma_m, gate=gate),
+            carrier_measurements(
+                sources.ranges,
+                section.lever_arm_m,
+                sigma=section.tight.carrier_sigma_m,
+                gate=gate,
+                channels=sum(name in layout for name in AMBIGUITIES),
+            ),
         )
     if sources.gnss is None or section.coupling == "off":
         return MeasurementSchedule.empty()

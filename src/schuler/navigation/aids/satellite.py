@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from schuler import frames
@@ -9,8 +11,8 @@ from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.exceptions import InputError
 from schuler.filtering.limits import MOST_CHANNELS
 from schuler.filtering.measurements import (
-    CARRIER_CHANGE,
-    CLONE,
+    ARC_START,
+    CARRIER_PHASE,
     PSEUDORANGE,
     RANGE_RATE,
     RESET_POSITION,
@@ -19,7 +21,7 @@ from schuler.filtering.measurements import (
     gate_threshold,
     merged,
 )
-from schuler.gnss.carrier import carrier_changes
+from schuler.gnss.carrier import carrier_phases
 from schuler.gnss.ranges import Ranges
 from schuler.gnss.slow_errors import SlowRangeError, slow_channels, slow_sigmas
 from schuler.recording.series import GnssSeries
@@ -91,39 +93,46 @@ def range_measurements(
 
 
 def carrier_measurements(
-    ranges: Ranges, lever_arm_b: ArrayLike, *, sigma: float, gate: float | None = 0.9999
+    ranges: Ranges,
+    lever_arm_b: ArrayLike,
+    *,
+    sigma: float,
+    gate: float | None = 0.9999,
+    channels: int = MOST_CHANNELS,
 ) -> MeasurementSchedule:
-    """Changes of carrier phases between epochs, and a clone of the state at each epoch for the next one.
+    """Carrier phases, whose ambiguities are states of the filter.
 
     Parameters
     ----------
     ranges : Ranges
         Corrected; rows with a reason against them are left out.
     lever_arm_b : array_like, shape (3,)
-        From the IMU to the antenna. [m]
+        From the IMU to the antenna, body axes. [m]
     sigma : float
         1-sigma of a phase of a strong satellite overhead. [m]
     gate : float, optional
         Probability with which a correct measurement passes.
+    channels : int
+        Number of satellites at a time for whose ambiguities the filter has a state; phases of others are left out.
 
     Returns
     -------
     MeasurementSchedule
-        Clones behind the changes of their epoch. Merged with others of an epoch, they belong behind these.
+        The first phase of an arc only sets the ambiguity. Merged with others of an epoch, phases belong behind these.
 
     Notes
     -----
-    Two changes in a row share a phase, whose noise enters them with opposite signs. They are taken as independent: what
-    they sum to is then claimed less exact than it is (docs/decisions/0031-cloned-states.md).
+    Without a prior of the ambiguity the phases of an arc say what their changes say, with the correlation that
+    neighbouring changes have by the phase they share (docs/decisions/0031-ambiguities-are-states.md).
     """
-    lever = as_vector3(lever_arm_b, "lever_arm_b")
-    c, r = carrier_changes(ranges, sigma), ranges
-    z = np.column_stack((r.r_sat_e[c.now], c.change, r.r_sat_e[c.before], r.t[c.before]))
-    of = MeasurementSchedule.of
-    return merged(
-        of(CARRIER_CHANGE, r.t[c.now], z, c.sigma**2, lever, gate_threshold(gate, 1)),
-        of(CLONE, c.epochs, np.zeros(len(c.epochs)), 0.0, lever),
+    r, p = ranges, carrier_phases(ranges, sigma, channels)
+    own = p.channel > 0
+    row, before, channel = p.row[own], p.before[own], p.channel[own]
+    z = np.column_stack((r.r_sat_e[row], r.carrier_range[row], channel, np.where(before >= 0, r.t[before], 0.0)))
+    s = MeasurementSchedule.of(
+        CARRIER_PHASE, r.t[row], z, p.sigma[own] ** 2, as_vector3(lever_arm_b, "lever_arm_b"), gate_threshold(gate, 1)
     )
+    return replace(s, kind=np.where(before >= 0, CARRIER_PHASE, ARC_START))
 
 
 def _check_sigmas(sigma: FloatArray, what: str) -> None:

@@ -14,8 +14,8 @@ from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterState
 from schuler.filtering.filter_arrays import Aiding, ImuStream, NodeArrays, RecordArrays, TrajectoryArrays
 from schuler.filtering.measurements import (
-    CARRIER_CHANGE,
-    CLONE,
+    ARC_START,
+    CARRIER_PHASE,
     POSITION,
     REJECTED,
     MeasurementSchedule,
@@ -264,7 +264,7 @@ def with_integers(prepared: PreparedRun, base: BaseCarriers, config: NavigationC
     Parameters
     ----------
     prepared : PreparedRun
-        With its start, and with changes of carrier phases in its schedule.
+        With its start, and with carrier phases in its schedule.
     base : BaseCarriers
     config : NavigationConfig
 
@@ -272,7 +272,7 @@ def with_integers(prepared: PreparedRun, base: BaseCarriers, config: NavigationC
     -------
     PreparedRun
         At each epoch with held integers a position with the covariance that these carriers leave, a kilometre in
-        directions they do not measure; changes of carriers that end in such a phase are taken out.
+        directions they do not measure; arcs of ambiguities that are states begin anew with such a phase.
 
     Notes
     -----
@@ -303,7 +303,7 @@ def with_integers(prepared: PreparedRun, base: BaseCarriers, config: NavigationC
     dtheta, dv, dt, times = (np.ascontiguousarray(x) for x in (i.dtheta_ib_b, i.dv_ib_b, i.dt, i.t))
     ends = np.searchsorted(i.t, epochs - 1e-9)  # the sample in which an epoch lies
     lever = np.array(config.gnss.lever_arm_m)
-    changes = np.flatnonzero(np.isin(schedule.kind, (CARRIER_CHANGE,)))
+    phases = np.flatnonzero(schedule.kind == CARRIER_PHASE)
     # a slow error is in the prediction, too, of which it is not independent: it counts as often as it is new
     white = config.gnss.sigma_scale * tight.range_sigma_scale * carriers.sigma_code
     sigma_code = np.hypot(white, slow_sigmas(ranges, config.gnss.correlated.of_ranges)[carriers.row])
@@ -327,12 +327,12 @@ def with_integers(prepared: PreparedRun, base: BaseCarriers, config: NavigationC
             continue
         fixed[e] = float(np.diag(fix.cov).max()) < 0.1**2
         _put(fix, r_e, aiding, int(at[e]), gate)
-        now = changes[np.searchsorted(schedule.t[changes], epochs[e] - 1e-9) :]
+        now = phases[np.searchsorted(schedule.t[phases], epochs[e] - 1e-9) :]
         now = now[schedule.t[now] <= epochs[e] + 1e-9]
         sats = ranges.r_sat_e[carriers.row[mine[fix.used]]]
         for j in now:
             if (sats == aiding.z[j, :3]).all(axis=1).any():
-                aiding.gate[j] = _UNUSED
+                aiding.kind[j] = ARC_START
     notes = [
         f"integers of carrier phases against the base are held at {int((aiding.gate[at] != _UNUSED).sum())} of "
         f"{len(epochs)} epochs, and fix the position at {int(fixed.sum())}"
@@ -342,10 +342,11 @@ def with_integers(prepared: PreparedRun, base: BaseCarriers, config: NavigationC
             f"held integers were given up {held.contradicted} times by codes and carriers, {refused} times by the "
             "inertial prediction"
         )
-    out = replace(schedule, z=aiding.z, R=aiding.R.reshape(-1, 3, 3), gate=aiding.gate)
-    own = np.zeros(len(schedule), dtype=bool)
-    own[at], own[changes] = True, True
-    out = out.where(~own | (aiding.gate != _UNUSED))
+    out = replace(schedule, kind=aiding.kind, z=aiding.z, R=aiding.R.reshape(-1, 3, 3), gate=aiding.gate)
+    left = aiding.gate == _UNUSED
+    starts, links = out.kind == ARC_START, out.kind == CARRIER_PHASE
+    left[starts] = ~np.isin(out.z[starts, 4] + 1j * out.t[starts], out.z[links, 4] + 1j * out.z[links, 5])
+    out = out.where(~left)
     return replace(prepared, schedule=out, notes=(*prepared.notes, *notes))
 
 
@@ -356,8 +357,8 @@ def _gate(value: float | str) -> float | None:
 def _with_places(
     schedule: MeasurementSchedule, epochs: FloatArray, config: NavigationConfig
 ) -> tuple[MeasurementSchedule, IntArray]:
-    """Schedule with an unused position at each epoch, behind codes and before changes of carriers; and their places."""
-    late = np.isin(schedule.kind, (CARRIER_CHANGE, CLONE))
+    """Schedule with an unused position at each epoch, behind codes and before carriers; and their places."""
+    late = np.isin(schedule.kind, (CARRIER_PHASE, ARC_START))
     lever = np.array(config.gnss.lever_arm_m)
     places = MeasurementSchedule.of(POSITION, epochs, np.zeros((len(epochs), 3)), 1.0, lever, _UNUSED)
     joined = merged(schedule.where(~late), places, schedule.where(late))

@@ -6,7 +6,7 @@ import numpy as np
 
 from schuler import rotation
 from schuler.arrays import BoolArray, FloatArray
-from schuler.filtering.measurements import ACCEPTED, CARRIER_CHANGE, FORCED, KINDS, POSITION, REJECTED
+from schuler.filtering.measurements import ACCEPTED, CARRIER_PHASE, FORCED, KINDS, POSITION, REJECTED
 from schuler.gnss.carrier import LONGEST_PAUSE_S
 from schuler.gnss.protection_errors import Direction, stanford
 from schuler.gnss.ranges import Ranges
@@ -22,11 +22,11 @@ ALERT_LIMIT_M = 40.0  # of the diagrams [m]
 
 
 def carriers(subject: Subject) -> Figure | None:
-    """A row for each satellite: its carrier phases, where arcs end, changes rejected; numbers and integers below.
+    """A row for each satellite: its carrier phases, where arcs end, phases rejected; numbers and integers below.
 
     None where the run used no carriers.
     """
-    ranges, tested = subject.ranges, subject.result.innovations.of(KINDS[CARRIER_CHANGE])
+    ranges, tested = subject.ranges, subject.result.innovations.of(KINDS[CARRIER_PHASE])
     if ranges is None or not len(tested):
         return None
     phased = ranges.used & np.isfinite(ranges.carrier_range)
@@ -41,11 +41,11 @@ def carriers(subject: Subject) -> Figure | None:
         x, y = (np.concatenate([p[i] for p in parts]) for i in range(2))
         items.append(Line(x, y, system_role(letter), f"{SYSTEM_NAMES[letter]}, carrier in use"))
     ended = ended_arcs(ranges)
-    sat = subject.satellite_of(KINDS[CARRIER_CHANGE])
+    sat = subject.satellite_of(KINDS[CARRIER_PHASE])
     rejected = (tested.status == REJECTED) & np.isin(sat, numbers)
     for x, s, role, label in (
         (t[ended], ranges.sat[ended], "rejected", "arc ended: slip, or lock lost"),
-        (subject.seconds(tested.t[rejected]), sat[rejected], "filter_range", "change rejected by the filter"),
+        (subject.seconds(tested.t[rejected]), sat[rejected], "filter_range", "phase rejected by the filter"),
     ):
         y = np.array([row[int(k)] for k in s], dtype=np.float64)
         k = spread_out(x, y, np.arange(len(x)), subject.span)
@@ -60,7 +60,7 @@ def carriers(subject: Subject) -> Figure | None:
     used = int(np.sum(np.isin(tested.status, (ACCEPTED, FORCED))))
     caption = (
         f"Carrier phases of each satellite: a line while they are used, marks where an ambiguity began anew "
-        f"({int(ended.sum())} times, of {int(phased.sum())} phases) and where the filter rejected a change "
+        f"({int(ended.sum())} times, of {int(phased.sum())} phases) and where the filter rejected a phase "
         f"({int(np.sum(tested.status == REJECTED))}, {used} used)."
     )
     if held.any():

@@ -8,7 +8,7 @@ from schuler.arrays import FloatArray, IntArray
 from schuler.filtering.kinds import Kind, kind_display
 from schuler.filtering.measurements import (
     ACCEPTED,
-    CARRIER_CHANGE,
+    CARRIER_PHASE,
     FORCED,
     GATED,
     KINDS,
@@ -33,7 +33,7 @@ _GATED_SHOWN = 400
 
 #: Kinds of one number a satellite, and kinds that are put into the state and not weighed.
 SATELLITE_KINDS = (KINDS[PSEUDORANGE], KINDS[RANGE_RATE])
-BY_SATELLITE = (*SATELLITE_KINDS, KINDS[CARRIER_CHANGE])
+BY_SATELLITE = (*SATELLITE_KINDS, KINDS[CARRIER_PHASE])
 RESET_NAMES = tuple(KINDS[k] for k in RESET_KINDS)
 
 

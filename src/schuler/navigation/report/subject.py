@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from schuler import frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, IntArray
 from schuler.exceptions import InputError
-from schuler.filtering.measurements import CARRIER_CHANGE, KINDS, POSITION, PSEUDORANGE, UNUSED, in_windows
+from schuler.filtering.measurements import CARRIER_PHASE, KINDS, POSITION, PSEUDORANGE, UNUSED, in_windows
 from schuler.gnss.carrier import carrier_changes
 from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import Ranges
@@ -129,7 +129,7 @@ class Subject:
         return np.where(distance < _NEAR_FIX, names[k], "none")
 
     def satellite_of(self, kind: str) -> IntArray:
-        """Satellite of each innovation of ``pseudorange``, ``range_rate`` or ``carrier_change``, 0 if unknown."""
+        """Satellite of each innovation of ``pseudorange``, ``range_rate`` or ``carrier_phase``, 0 if unknown."""
         if kind not in self._satellites:
             t = self.result.innovations.of(kind).t
             self._satellites[kind] = (
@@ -142,7 +142,7 @@ class Subject:
     @staticmethod
     def _offered(kind: str, ranges: Ranges) -> FloatArray:
         """What each row of the ranges offers of a kind, NaN where nothing. Shape (n,)."""
-        if kind != KINDS[CARRIER_CHANGE]:
+        if kind != KINDS[CARRIER_PHASE]:
             return ranges.pseudorange if kind == KINDS[PSEUDORANGE] else ranges.range_rate
         c, offered = carrier_changes(ranges, 1.0), np.full(len(ranges), np.nan)
         offered[c.now] = c.change

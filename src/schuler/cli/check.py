@@ -84,9 +84,10 @@ def check(
 
 def _write_cures(target: Path, log: Path, parts: dict[str, Any]) -> int:
     """Put cures into a configuration; the exit code is 2 where an error has none."""
-    from schuler.files import merged, toml_with, write_text
+    from schuler.files import write_text
     from schuler.proposal import propose_reading
     from schuler.proposal.toml import toml_of
+    from schuler.toml import merged, toml_with
 
     entries, decisions = propose_reading(log, parts)
     remarks = {d.entry: d.evidence for d in decisions}

@@ -51,9 +51,10 @@ def tune(
     """
     from schuler.cli.reading import read_log
     from schuler.diagnosis.admission import checked
-    from schuler.files import toml_with, write_text
+    from schuler.files import write_text
     from schuler.navigation.run import tune_noise
     from schuler.navigation.tuning.entries import remarks, tuned_entries
+    from schuler.toml import toml_with
 
     began = time.perf_counter()
     loaded = configuration(config, entries(set), outage, outage_every)

@@ -16,7 +16,6 @@ from schuler.diagnosis.gyro_unit import COUNTS_PER_DEG_S, are_counts, possible_u
 from schuler.diagnosis.log import diagnose_log, read_leniently
 from schuler.diagnosis.result import Diagnosis, Finding
 from schuler.exceptions import InputError, SchulerError
-from schuler.files import merged
 from schuler.navigation.config import NavigationConfig
 from schuler.plotting.notebook import Displayed
 from schuler.proposal import cures, setup
@@ -28,6 +27,7 @@ from schuler.recording.io import dispatch, plain_text
 from schuler.recording.part import cut
 from schuler.recording.recording import Recording
 from schuler.standstill.unscaled import unscaled_rests
+from schuler.toml import merged
 from schuler.units import DEG
 
 _ROUNDS = 8  # of cures; each judges the log anew

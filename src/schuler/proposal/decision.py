@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from schuler.exceptions import InputError
-from schuler.files import toml_value
+from schuler.toml import toml_value
 
 
 @dataclass(frozen=True, slots=True)

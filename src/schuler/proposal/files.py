@@ -12,22 +12,21 @@ from typing import Any
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.exceptions import FileFormatError, InputError, SchulerError
+from schuler.exceptions import FileFormatError, InputError
 from schuler.proposal import arrays, tables
 from schuler.proposal.decision import Decision, UndecidedError
+from schuler.proposal.rivals import chosen
 from schuler.recording.formats import nmea, registry, rtklib, text
-from schuler.recording.io import columns, dispatch, lines, text_head
+from schuler.recording.io import columns, lines, text_head
 from schuler.recording.io.folder import folders_in, listed, recognised
 from schuler.recording.io.hint_texts import SATELLITES
 from schuler.recording.io.hints import ReadHints
-from schuler.recording.series import GnssSeries
 from schuler.units import factor_for
 
 #: End of the evidence of a unit that only motion can tell.
 UNTIL = "rad/s until the motion says otherwise"
 _TRUTH = re.compile(r"truth|reference|ground|(^|[_-])(gt|ref)([_-]|$)", re.IGNORECASE)
 _NO_LOGS = (".md", ".json", ".yaml", ".yml", ".toml", ".html", ".tag", ".png", ".jpg", ".pdf", ".py", ".rst")
-_COMMON_S, _SLACK_M, _RADIUS_M = 10.0, 0.3, 6.371e6
 _ARRAYS = (".npy", ".npz", ".mat")
 HALVES = ("accel", "gyro")
 _SPEED_SIGMA = 0.1  # of wheels that do not say theirs [m/s]
@@ -236,7 +235,7 @@ def _folder(log: Path, names: list[str], given: Mapping[str, Any]) -> Files:
                 if name not in files.ignored:
                     files.ignored.append(name)
     for part, rivals in candidates.items():
-        files.entries[part], decisions = _chosen(log, part, rivals, files.ignored)
+        files.entries[part], decisions = chosen(log, part, rivals, files.ignored)
         if isinstance(own := given.get(part), Mapping):
             files.entries[part] |= own
             decisions = [d for d in decisions if d.entry.rpartition(".")[2] not in own]
@@ -317,65 +316,6 @@ def _relate(files: Files, tracks: list[str], given: Mapping[str, Any]) -> None:
     }
     files.decisions += [Decision(f"recording.imu.{name}", value, why) for name, value in of_imu.items()]
     files.decisions += [Decision(f"recording.gnss.{n}", v, evidence[n]) for n, v in entry.items() if n not in stated]
-
-
-def _chosen(
-    log: Path, part: str, rivals: list[tuple[bool, str, dict[str, Any], list[Decision]]], ignored: list[str]
-) -> tuple[dict[str, Any], list[Decision]]:
-    """Entry of one part, and the decision where several files could be it."""
-    if part == "ephemerides":
-        names = [name for _, name, _, _ in rivals]
-        return {"file": names[0] if len(names) == 1 else names}, []
-    if len(rivals) == 1:
-        return dict(rivals[0][2]), list(rivals[0][3])
-    named = [f for f in rivals if f[0]]
-    why = ""
-    if len(named) == 1:
-        best, why = named[0], "its header names columns and units"
-    elif part == "gnss":
-        fixes = {f[1]: _fixes(log / f[1], f[2]) for f in rivals}
-        claims = {name: np.inf if g is None else _claim(g) for name, g in fixes.items()}
-        best, second = sorted(rivals, key=lambda f: claims[f[1]])[:2]
-        if claims[best[1]] < 0.5 * claims[second[1]]:
-            why = f"its fixes claim {claims[best[1]]:.2g} m, those of the others {claims[second[1]]:.2g} m and more"
-        elif len(rivals) == 2 and _agree(fixes[best[1]], fixes[second[1]], claims[second[1]]):
-            why = f"its fixes agree with those of {second[1]} and claim less"
-    if not why:
-        what = {"imu": "an IMU", "gnss": "fixes"}.get(part, part)
-        raise UndecidedError(
-            f"{log}: {len(rivals)} files hold {what}, which is meant",
-            [(name, {f"recording.{part}.file": name}) for _, name, _, _ in rivals],
-        )
-    others = [f[1] for f in rivals if f is not best]
-    ignored += others
-    decision = Decision(f"recording.{part}.file", best[1], f"{why}; not read: {', '.join(others)}")
-    return dict(best[2]), [decision, *best[3]]
-
-
-def _fixes(path: Path, entry: Mapping[str, Any]) -> GnssSeries | None:
-    """Fixes of a file on GPS time since 1980; None if it cannot be read."""
-    hints = {name: value for name, value in entry.items() if name != "file"}
-    try:
-        recording = dispatch.read_one(path, ReadHints.of(series="gnss", **hints))
-        gnss = recording.need_gnss()
-        return replace(gnss, t=gnss.t + recording.metadata.time.epoch_gps_s)
-    except SchulerError:
-        return None
-
-
-def _claim(gnss: GnssSeries) -> float:
-    """Median 1-sigma of fixes, north and east. [m]"""
-    return float(np.sqrt(np.median(np.trace(gnss.cov_r_n[:, :2, :2], axis1=1, axis2=2) / 2.0)))
-
-
-def _agree(a: GnssSeries | None, b: GnssSeries | None, sigma: float) -> bool:
-    """Whether fixes of two files are the same places but for their errors, so that either may be taken."""
-    if a is None or b is None or min(a.t[-1], b.t[-1]) - max(a.t[0], b.t[0]) < _COMMON_S:
-        return False
-    inside = (a.t >= b.t[0]) & (a.t <= b.t[-1])
-    there = np.stack([np.interp(a.t[inside], b.t, b.llh[:, k]) for k in range(2)], axis=1)
-    apart = (a.llh[inside, :2] - there) * _RADIUS_M * np.stack((np.ones(inside.sum()), np.cos(there[:, 0])), axis=1)
-    return bool(np.median(np.hypot(apart[:, 0], apart[:, 1])) < 3.0 * sigma + _SLACK_M)
 
 
 def _table(path: Path, section: str, part: str | None) -> tuple[dict[str, Any] | None, list[Decision]]:

@@ -10,12 +10,12 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import SchulerError
-from schuler.files import merged
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.errors import outage_errors
 from schuler.navigation.run import navigate
 from schuler.recording.recording import Recording
 from schuler.recording.trajectory import Trajectory
+from schuler.toml import merged
 
 _WITHHELD_S = 10.0
 _PERIOD = 3.0  # of withheld stretches, in their lengths

@@ -8,13 +8,13 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from schuler.diagnosis.result import Diagnosis
-from schuler.files import merged
 from schuler.navigation.config import ImuSection
 from schuler.navigation.inputs.preparation import PAUSE
 from schuler.proposal.cures import SURE
 from schuler.proposal.decision import Decision
 from schuler.proposal.judgement import Judgement, judged
 from schuler.recording.recording import Recording
+from schuler.toml import merged
 
 #: Entries, what speaks for them, and standard errors by which they must predict better.
 Trial: TypeAlias = tuple[dict[str, Any], str, float]

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Mapping
 from typing import Any
 
-from schuler.files import toml_value
+from schuler.toml import toml_value
 
 
 def toml_of(data: Mapping[str, Any], remarks: Mapping[str, str]) -> str:

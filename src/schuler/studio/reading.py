@@ -10,13 +10,14 @@ from typing import Any
 
 from schuler.diagnosis.result import Diagnosis, Finding
 from schuler.exceptions import InputError
-from schuler.files import merged, read_toml, toml_with, write_text
+from schuler.files import read_toml, write_text
 from schuler.proposal import Decision, UndecidedError, propose_reading
 from schuler.proposal.cures import proposed
 from schuler.proposal.files import Files
 from schuler.proposal.setup import nested
 from schuler.proposal.toml import toml_of
 from schuler.recording.io.hints import ReadHints
+from schuler.toml import merged, toml_with
 
 SECTION = "recording"
 

@@ -9,11 +9,12 @@ from typing import Any
 
 from schuler.budget.scenario import BudgetScenario
 from schuler.exceptions import ConfigError, InputError
-from schuler.files import merged, read_toml, sha256, toml_with, write_text
+from schuler.files import read_toml, sha256, write_text
 from schuler.navigation.config import NavigationConfig
 from schuler.proposal.decision import option
 from schuler.proposal.setup import nested
 from schuler.studio.workspace import Workspace
+from schuler.toml import merged, toml_with
 
 
 def seconds(value: float) -> str:

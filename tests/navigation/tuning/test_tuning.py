@@ -12,7 +12,6 @@ import pytest
 from schuler import units
 from schuler.cli import main
 from schuler.exceptions import InputError, TomlError
-from schuler.files import toml_with
 from schuler.filtering.measurements import POSITION, VELOCITY
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.consistency import state_errors
@@ -29,6 +28,7 @@ from schuler.navigation.tuning.slow_search import ASKED, SHOWS, slow_lead
 from schuler.navigation.tuning.tuning import contradicted, slow_error_left, tune
 from schuler.recording.io import write
 from schuler.simulation.scenario import prepare_mission, simulate_mission
+from schuler.toml import toml_with
 
 IMU = {
     "gyro": {"arw_deg_rthr": 5.0, "bias_deg_hr": 100.0, "in_run_deg_hr": 20.0, "in_run_time_s": 300.0},

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray, IntArray
-from schuler.calibration.freepose.gyro import TurnBias
 from schuler.calibration.freepose.rests import Rests
 from schuler.calibration.result.rest_causes import RestCause, rest_causes
 from schuler.calibration.result.rest_scatter import RestScatter, rest_scatter
@@ -15,6 +14,33 @@ from schuler.recording.series import ImuSeries
 
 #: Fewest poses in which g-sensitivity is looked for.
 FEWEST_FOR_FORCE = 12
+
+
+@dataclass(frozen=True, eq=False)
+class TurnBias:
+    """A held bias less that in every turn, where the bias scatters between rests.
+
+    Attributes
+    ----------
+    covariance : ndarray, shape (3, n, n)
+        Of axis and turns. [(rad/s)^2]
+    cross : ndarray, shape (n, 3)
+        Covariance with the error of the held bias. [(rad/s)^2]
+    """
+
+    covariance: FloatArray
+    cross: FloatArray
+
+    def scaled(self, factor: float) -> TurnBias:
+        """The same in another unit of the log."""
+        return TurnBias(factor**2 * self.covariance, factor**2 * self.cross)
+
+    def in_residuals(self, by_bias: FloatArray) -> FloatArray:
+        """Covariance of two residuals a turn with derivatives ``by_bias`` (2 n, 3). Shape (2 n, 2 n). [rad^2]"""
+        n = len(self.cross)
+        by = by_bias.reshape(n, 2, 3)
+        V = np.einsum("kai,ikl,lci->kalc", by, self.covariance, by, optimize=True)
+        return np.asarray(V.reshape(2 * n, 2 * n))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray, IntArray
 from schuler.calibration.freepose.accel import AccelFit
+from schuler.calibration.freepose.bias import TurnBias
 from schuler.calibration.freepose.rests import Rests
 from schuler.calibration.freepose.turns import (
     COARSE,
@@ -27,33 +28,6 @@ from schuler.calibration.freepose.weights import (
     solve_weighted,
     too_many_outliers,
 )
-
-
-@dataclass(frozen=True, eq=False)
-class TurnBias:
-    """A held bias less that in every turn, where the bias scatters between rests.
-
-    Attributes
-    ----------
-    covariance : ndarray, shape (3, n, n)
-        Of axis and turns. [(rad/s)^2]
-    cross : ndarray, shape (n, 3)
-        Covariance with the error of the held bias. [(rad/s)^2]
-    """
-
-    covariance: FloatArray
-    cross: FloatArray
-
-    def scaled(self, factor: float) -> TurnBias:
-        """The same in another unit of the log."""
-        return TurnBias(factor**2 * self.covariance, factor**2 * self.cross)
-
-    def in_residuals(self, by_bias: FloatArray) -> FloatArray:
-        """Covariance of two residuals a turn with derivatives ``by_bias`` (2 n, 3). Shape (2 n, 2 n). [rad^2]"""
-        n = len(self.cross)
-        by = by_bias.reshape(n, 2, 3)
-        V = np.einsum("kai,ikl,lci->kalc", by, self.covariance, by, optimize=True)
-        return np.asarray(V.reshape(2 * n, 2 * n))
 
 
 @dataclass(frozen=True, eq=False)

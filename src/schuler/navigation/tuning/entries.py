@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from schuler.files import merged
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.tuning.tuning import TERM_TEXT, Tuning
+from schuler.toml import merged
 
 
 def tuned_configuration(config: NavigationConfig, tuning: Tuning) -> NavigationConfig:

@@ -81,64 +81,15 @@ def _table(table: str, effort: Effort) -> Outcome:
         study = _study(effort, table, case)
         noise = (len(sigma) == 9 and case != 1) or (sensor == "gyro" and case == 2)
         prototype = _PROTOTYPE.get((table, case))
+        exact = len(sigma) == 9 and case == 1  # nothing but rounding on both sides
         for i, name in enumerate(_names(len(sigma))):
-            what = f"case {case}, {name}"
-            size, words = (1.0, unit) if i < 3 else (1e-6, "ppm" if i < 6 else "urad")
-            predicted, rms = study.mean_sigma[i] / size, study.rms_error[i] / size
-            if len(sigma) == 9 and case == 1:  # nothing but rounding on both sides
-                high = 1e-13 * float(np.linalg.norm(study.case.reference_n)) if i < 3 else 1e-13 / size
-                cells += [
-                    claimed(
-                        f"{what}: sigma", f"{sigma[i]:.3g}", predicted, high=high, unit=words, tolerance="rounding"
-                    ),
-                    claimed(f"{what}: rms error", f"{error[i]:.3g}", rms, high=high, unit=words, tolerance="rounding"),
-                ]
-                continue
-            cells.append(
-                claimed(
-                    f"{what}: sigma",
-                    f"{sigma[i]:.5g}",
-                    predicted,
-                    low=sigma[i] / _BAND,
-                    high=sigma[i] * _BAND,
-                    unit=words,
-                )
+            what, words = f"case {case}, {name}", unit if i < 3 else "ppm" if i < 6 else "urad"
+            stated = sigma[i], error[i]
+            cells += (
+                _exact_cells(study, i, what, words, stated)
+                if exact
+                else _noisy_cells(study, i, what, words, stated, noise, None if prototype is None else prototype[i])
             )
-            # one draw of an error: beyond three of ours in one of 370
-            cells.append(
-                claimed(
-                    f"{what}: rms error or sigma",
-                    f"|error| {error[i]:.4g}",
-                    max(rms, predicted),
-                    low=error[i] / 3.0,
-                    unit=words,
-                    tolerance="statistical",
-                )
-            )
-            if noise:
-                runs = int(study.converged.sum())
-                cells.append(
-                    against(
-                        f"{what}: rms error over sigma",
-                        1.0,
-                        rms / predicted,
-                        reference="corrected",
-                        source="",
-                        absolute=0.10 + 3.0 / np.sqrt(2.0 * runs),
-                    )
-                )
-            if prototype is not None:
-                scatter = spread(study)[i]
-                cells.append(
-                    against(
-                        f"{what}: sigma, other program",
-                        prototype[i],
-                        predicted,
-                        unit=words,
-                        reference="corrected",
-                        relative=3.0 * scatter * np.sqrt(1.0 / len(study.values) + 1.0 / 400.0) + 0.02,
-                    )
-                )
         scaled = (study.sigma * np.sqrt(study.unit_weight)[:, None])[study.converged]
         printed[f"case {case}"] = np.array(sigma) * np.repeat((1.0, 1e-6, 1e-6), 3)[: len(sigma)]
         ours[f"case {case}"] = np.quantile(scaled, (0.05, 0.5, 0.95), axis=0)[:, : len(sigma)]
@@ -152,6 +103,47 @@ def _table(table: str, effort: Effort) -> Outcome:
         reason += " With three parameters the unmodelled scale factors dominate cases 1 and 3."
     draw = partial(sigma_figure, f"Table {table}: printed uncertainties and ours", printed, ours)
     return Outcome(tuple(cells), reason, (draw,))
+
+
+def _sizes(study: StudyResult, i: int) -> tuple[float, float, float]:
+    """Unit of a parameter, its predicted sigma and its rms error in that unit."""
+    size = 1.0 if i < 3 else 1e-6
+    return size, study.mean_sigma[i] / size, study.rms_error[i] / size
+
+
+def _exact_cells(study: StudyResult, i: int, what: str, unit: str, stated: tuple[float, float]) -> list[Cell]:
+    """Sigma and rms error of a parameter without noise: as small as rounding makes them."""
+    size, predicted, rms = _sizes(study, i)
+    high = 1e-13 * float(np.linalg.norm(study.case.reference_n)) if i < 3 else 1e-13 / size
+    return [
+        claimed(f"{what}: sigma", f"{stated[0]:.3g}", predicted, high=high, unit=unit, tolerance="rounding"),
+        claimed(f"{what}: rms error", f"{stated[1]:.3g}", rms, high=high, unit=unit, tolerance="rounding"),
+    ]
+
+
+def _noisy_cells(
+    study: StudyResult, i: int, what: str, unit: str, stated: tuple[float, float], noise: bool, prototype: float | None
+) -> list[Cell]:
+    """Sigma and error of a parameter beside the printed ones and, where there is one, another program's sigma."""
+    _, predicted, rms = _sizes(study, i)
+    sigma, error = stated
+    cells = [
+        claimed(f"{what}: sigma", f"{sigma:.5g}", predicted, low=sigma / _BAND, high=sigma * _BAND, unit=unit),
+        # one draw of an error: beyond three of ours in one of 370
+        claimed(
+            f"{what}: rms error or sigma", f"|error| {error:.4g}", max(rms, predicted), low=error / 3.0, unit=unit,
+            tolerance="statistical",
+        ),
+    ]  # fmt: skip
+    if noise:
+        bound = 0.10 + 3.0 / np.sqrt(2.0 * int(study.converged.sum()))
+        over = f"{what}: rms error over sigma"
+        cells.append(against(over, 1.0, rms / predicted, reference="corrected", source="", absolute=bound))
+    if prototype is not None:
+        relative = 3.0 * spread(study)[i] * np.sqrt(1.0 / len(study.values) + 1.0 / 400.0) + 0.02
+        other = f"{what}: sigma, other program"
+        cells.append(against(other, prototype, predicted, unit=unit, reference="corrected", relative=relative))
+    return cells
 
 
 def _names(order: int) -> tuple[str, ...]:

@@ -387,6 +387,48 @@ def test_a_course_that_is_not_the_heading_is_found_out(drive, mount):
     assert abs(abs(off) - mount * units.DEG) < 3.0 * units.DEG
 
 
+@pytest.mark.parametrize("up", [90.0, -90.0])
+def test_an_upright_x_axis_levels_as_others_do(up):
+    """Laws: the force lies along gravity, to rounding; another heading is a turn about the vertical by as much.
+
+    But for the north component of gravity, 3e-7 of it at this height.
+    """
+    t, at = np.arange(0.0, 3.001, 0.01), np.arange(4.0)
+    C_bs = rotation.dcm_from_rpy(np.array([2.0, -3.0, 1.0]) * units.DEG) @ rotation.dcm_from_rpy(
+        [0.0, up * units.DEG, 0.0]
+    )
+    g_n = earth.gravity_ned(PLACE[0], PLACE[2])
+    rates = ImuSeries(t, np.zeros((len(t), 3)), np.tile(-C_bs @ g_n, (len(t), 1)))
+    v = np.tile([10.0, 0.0, 0.0], (4, 1))
+    gnss = GnssSeries(
+        at, np.tile(PLACE, (4, 1)), np.tile(np.eye(3), (4, 1, 1)), v, np.tile(1e-4 * np.eye(3), (4, 1, 1))
+    )
+    levelled = [
+        level_in_motion(rates, gnss, 1, heading, 0.1, (np.zeros(3), 1e-3), AlignmentSection(), SPEC).C_nb
+        for heading in np.linspace(0.0, 6.0, 7)
+    ]
+    for k, C_nb in enumerate(levelled):
+        np.testing.assert_allclose(C_nb @ C_bs @ g_n, g_n, atol=1e-9)
+        np.testing.assert_allclose(C_nb, rotation.dcm_from_rpy(np.array([0.0, 0.0, float(k)])) @ levelled[0], atol=1e-6)
+
+
+@pytest.mark.parametrize(("up", "begin"), [(90.0, 0.0), (-90.0, 45.0)])
+def test_an_upright_x_axis_has_no_course(drive, up, begin):
+    """The log shows the heading; errors are those of the same IMU lying."""
+    part = drive.between(begin, 1e9)
+    C = rotation.dcm_from_rpy(np.array([0.0, up * units.DEG, 0.0]))
+    result = navigate(replace(part, imu=part.need_imu().rotated(C)), config())
+    assert notes(result, "accelerations of the first")
+    assert "course" not in notes(result, "aligned")[0]
+    C_nb = rotation.dcm_from_rpy(result.trajectory.rpy_nb[-1]) @ C
+    true = rotation.dcm_from_rpy(drive.reference.at(result.t[-1:]).rpy_nb[0])
+    assert np.degrees(np.arccos(0.5 * (np.trace(C_nb @ true.T) - 1.0))) < 2.0  # statistical
+    assert (
+        result.errors(drive.reference).rms_horizontal
+        < 1.2 * navigate(part, config()).errors(drive.reference).rms_horizontal
+    )
+
+
 def test_a_right_course_is_left_alone(drive):
     assert not notes(navigate(drive, config()), "accelerations")
 

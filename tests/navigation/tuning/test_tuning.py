@@ -19,14 +19,15 @@ from schuler.navigation.inputs.imu_noise import NO_NOISE
 from schuler.navigation.run import navigate, prepared_run
 from schuler.navigation.start.heading import HEADING_CONTRADICTED
 from schuler.navigation.tuning.automatic import STATED_NOISE
-from schuler.navigation.tuning.entries import tuned_configuration
+from schuler.navigation.tuning.entries import tuned_configuration, tuned_entries
 from schuler.navigation.tuning.lever import LEVER_ESTIMATED
 from schuler.navigation.tuning.likelihood import HORIZONS, Residuals, halves, residuals_of, trials
-from schuler.navigation.tuning.noise import TUNING_KINDS, terms_of, with_factors
+from schuler.navigation.tuning.noise import TUNING_KINDS, terms_of, vertical_axis, with_factors
 from schuler.navigation.tuning.slow import SlowError, with_slow_error
 from schuler.navigation.tuning.slow_search import ASKED, SHOWS, slow_lead
-from schuler.navigation.tuning.tuning import contradicted, slow_error_left, tune
+from schuler.navigation.tuning.tuning import Tuning, contradicted, slow_error_left, tune
 from schuler.recording.io import write
+from schuler.rotation import dcm_from_rpy
 from schuler.simulation.scenario import prepare_mission, simulate_mission
 from schuler.toml import toml_with
 
@@ -359,6 +360,20 @@ def test_factors_act_on_what_they_name(recording):
     np.testing.assert_allclose(ratio[at], np.broadcast_to([1.0, 1.0, 2.0], ratio[at].shape))
     np.testing.assert_allclose(ratio[~at], 1.0)
     assert changed.layout.models["b_g"].noise == pytest.approx(5.0 * prepared.layout.models["b_g"].noise)
+
+
+@pytest.mark.parametrize(
+    ("mounted", "expected"), [((0.0, 90.0, 0.0), [4.0, 9.0, 9.0]), ((90.0, 0.0, 0.0), [9.0, 4.0, 9.0])]
+)
+def test_the_accelerometer_with_gravity_is_tuned_by_itself(recording, mounted, expected):
+    """However the IMU is mounted; entries of a configuration are by its axes."""
+    C = dcm_from_rpy(np.radians(mounted))
+    turned = prepared_run(replace(recording, imu=recording.need_imu().rotated(C)), config())
+    changed = with_factors(turned, {"accel": 3.0, "accel_down": 2.0})
+    np.testing.assert_allclose(changed.psd[1], np.array(expected) * turned.psd[1])
+    factors = {"accel": 3.0, "accel_down": 2.0}
+    tuning = Tuning(factors, {}, True, 9.0, 1.0, {}, {}, 40, vertical=vertical_axis(turned.imu))
+    assert tuned_entries(config(), tuning)["filter"]["noise"]["accel"] == np.sqrt(expected).tolist()
 
 
 # --- the file

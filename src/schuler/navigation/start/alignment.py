@@ -17,7 +17,7 @@ from schuler.mechanization.alignment import Alignment, gyrocompass, heading_from
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import AlignmentSection, NavigationConfig
 from schuler.navigation.start.calibration import CalibrationStart
-from schuler.navigation.start.levelling import level_at_rest, level_in_motion, tilt
+from schuler.navigation.start.levelling import is_upright, level_at_rest, level_in_motion, tilt
 from schuler.navigation.start.rest_bias import (
     bias_of_rests,
     rest_rate,
@@ -161,6 +161,13 @@ def align(
         return _start_from_fix(gnss, k, attitude(heading, sigma), rates, layout, config, calibration, rest)
 
     first = attitude(heading, sigma)
+    if source == "course" and is_upright(rotation.dcm_from_rpy(first.rpy_nb)[2]):
+        source, sigma, phrase = "none", np.pi, ""
+        obstacle = (
+            "the x axis of the IMU is near the vertical, so the course is not its heading: say how the IMU is mounted "
+            "(the log's axes, or imu.mount_rpy_deg)"
+        )
+        first = attitude(heading, sigma)
     initial = at_heading(heading, sigma)
     if rest is not None and "b_g" in layout:
         notes += rest_sentences(initial, layout, rests, *rest, calibration is not None)

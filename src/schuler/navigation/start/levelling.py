@@ -19,6 +19,7 @@ from schuler.sensors.spec import ImuSpec
 _SHORT_S = 1.5  # shorter parts are not turned into the axes of one time [s]
 _LONGEST_S = 4.0  # longest time between velocities that level in motion, where there are some closer [s]
 _SPARSE_S = 15.0  # and where there are none [s]
+_UPRIGHT = np.cos(30.0 * units.DEG)
 CARRIED_S = 120.0  # longest time over which the gyroscopes carry an attitude [s]
 
 
@@ -97,7 +98,7 @@ def level_in_motion(
     k : int
         Fix of the start.
     heading, sigma : float
-        Heading and its 1-sigma. [rad]
+        Heading and its 1-sigma; of the x axis, or where that is near the vertical, of the z axis or its opposite. [rad]
     bias : (ndarray of shape (3,), float)
         Gyro bias of the start and its 1-sigma. [rad/s]
     section, spec
@@ -138,24 +139,40 @@ def level_in_motion(
     far = span > _LONGEST_S  # over less, the gyro bias turns the mean by nothing that counts
     f_b = _mean_force(replace(part, gyro=part.gyro - bias[0]) if far else part, t, gnss.llh[k])
     s = rotation.dcm_from_rpy(np.array([0.0, 0.0, heading])).T @ f_n  # axes turned to the heading, still level
-    # f_b = R_x(roll)' R_y(pitch)' s: pitch from the forward, roll from the cross components
-    pitch = np.arctan2(s[0], s[2]) - np.arctan2(f_b[0], -np.sqrt(max(s[0] ** 2 + s[2] ** 2 - f_b[0] ** 2, 0.0)))
+    # roll and pitch of axes whose x is not near the vertical, where the two cannot be told from the heading
+    C_vb = _about_y(f_b)
+    f_v = C_vb @ f_b
+    # f_v = R_x(roll)' R_y(pitch)' s: pitch from the forward, roll from the cross components
+    pitch = np.arctan2(s[0], s[2]) - np.arctan2(f_v[0], -np.sqrt(max(s[0] ** 2 + s[2] ** 2 - f_v[0] ** 2, 0.0)))
     pitch = float(frames.wrap_angle(pitch))
     down = np.sin(pitch) * s[0] + np.cos(pitch) * s[2]
-    roll = float(frames.wrap_angle(np.arctan2(f_b[1], f_b[2]) - np.arctan2(s[1], down)))
+    roll = float(frames.wrap_angle(np.arctan2(f_v[1], f_v[2]) - np.arctan2(s[1], down)))
     noise = np.sqrt(2.0) * sigma_v / span
     turned = float(np.hypot(a_n[0], a_n[1])) * min(sigma, 1.0)  # acceleration in the wrong direction
     tilt = float(max(np.hypot(noise, turned) / units.G0, 2.0 * section.tilt_floor_deg * units.DEG))
-    rpy = np.array([roll, pitch, heading])
+    C_nb = rotation.dcm_from_rpy(np.array([roll, pitch, heading])) @ C_vb
     # as at rest: the force is that of the attitude but for its horizontal error
-    psi_accel = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) / units.G0 @ rotation.dcm_from_rpy(rpy)
+    psi_accel = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) / units.G0 @ C_nb
     carried = t - 0.5 * float(gnss.t[i] + gnss.t[j]) if far else 0.0
-    psi_gyro = -carried * rotation.dcm_from_rpy(rpy)
+    psi_gyro = -carried * C_nb
     psi_gyro[2] = 0.0  # the heading is not carried
     return Alignment(
-        t, rpy, np.diag([tilt**2, tilt**2, sigma**2]), "levelled in motion", psi_accel=psi_accel, psi_gyro=psi_gyro,
-        sigma_b_a=spec.accel.turn_on_bias, sigma_b_g=bias[1] if far else 0.0,
+        t, rotation.rpy_from_dcm(C_nb), np.diag([tilt**2, tilt**2, sigma**2]), "levelled in motion",
+        psi_accel=psi_accel, psi_gyro=psi_gyro, sigma_b_a=spec.accel.turn_on_bias, sigma_b_g=bias[1] if far else 0.0,
     )  # fmt: skip
+
+
+def is_upright(f_b: FloatArray) -> bool:
+    """Whether the x axis is within 30 degrees of a specific force, the vertical, so that it has no heading."""
+    return bool(abs(f_b[0]) > _UPRIGHT * np.linalg.norm(f_b))
+
+
+def _about_y(f_b: FloatArray) -> FloatArray:
+    """Turn about y by a right angle that takes an upright x axis to down or up; nothing for others. Shape (3, 3)."""
+    if not is_upright(f_b):
+        return np.eye(3)
+    side = -1.0 if f_b[0] < 0.0 else 1.0  # specific force of a body at rest points up
+    return np.array([[0.0, 0.0, side], [0.0, 1.0, 0.0], [-side, 0.0, 0.0]])
 
 
 def _mean_force(part: ImuSeries, t: float, llh: FloatArray) -> FloatArray:

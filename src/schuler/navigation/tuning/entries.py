@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from schuler.navigation.config import NavigationConfig
+from schuler.navigation.tuning.noise import by_axis
 from schuler.navigation.tuning.tuning import TERM_TEXT, Tuning
 from schuler.toml import merged
 
@@ -27,7 +28,7 @@ def tuned_entries(config: NavigationConfig, tuning: Tuning) -> dict[str, Any]:
     if "gyro" in factor:
         new["filter"]["noise"]["gyro"] = _rounded(noise.gyro * factor["gyro"])
     if "accel" in factor:
-        by = (factor["accel"], factor["accel"], factor["accel_down"])
+        by = by_axis(factor, tuning.vertical)
         new["filter"]["noise"]["accel"] = [_rounded(float(a * b)) for a, b in zip(noise.accel_axes, by, strict=True)]
     if tuning.models:
         new["filter"]["models"] = tuning.models

@@ -12,6 +12,7 @@ from schuler.filtering.measurements import LATERAL, POSITION, PSEUDORANGE, RANGE
 from schuler.filtering.states import StateLayout
 from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.tuning.slow import scaled_start
+from schuler.recording.series import ImuSeries
 
 #: Kinds of measurements whose innovations tune: what receivers give, weighed by the filter.
 TUNING_KINDS = (POSITION, VELOCITY, PSEUDORANGE, RANGE_RATE)
@@ -28,9 +29,9 @@ _MEASURED = {
     "lateral": (LATERAL, _ALL),
     "vertical": (VERTICAL, _ALL),
 }
-#: Terms of the IMU: white noise by triad and axes, and the wander of its biases by state block. The axis down has the
-#: gravity, and most of what shakes.
-WHITE = {"gyro": (0, _ALL), "accel": (1, _ACROSS), "accel_down": (1, _DOWN)}
+#: Terms of the IMU: white noise by triad, and the wander of its biases by state block. The accelerometer nearest to the
+#: vertical has the gravity, and most of what shakes; the other two are tuned together.
+WHITE = {"gyro": 0, "accel": 1, "accel_down": 1}
 _WANDER = {"gyro_bias": ("b_g_run", "b_g"), "accel_bias": ("b_a_run", "b_a")}
 #: Factor on the sigma of a slow error of positions, which a run has only where it is recognised.
 SLOW = "slow"
@@ -45,7 +46,7 @@ def terms_of(prepared: PreparedRun) -> tuple[str, ...]:
     """Terms that act in a run: those of its states and of the measurements it has."""
     schedule = prepared.schedule
     sigma = np.sqrt(np.einsum("nii->ni", schedule.R))
-    present = [name for name, (triad, _) in WHITE.items() if prepared.psd[triad].max() > 0.0]
+    present = [name for name, triad in WHITE.items() if prepared.psd[triad].max() > 0.0]
     present += [name for name in _WANDER if wandering(prepared.layout, name) is not None]
     for name, (kind, components) in _MEASURED.items():
         if kind == POSITION and prepared.ranges is not None:
@@ -54,6 +55,18 @@ def terms_of(prepared: PreparedRun) -> tuple[str, ...]:
         if np.any((schedule.kind == kind) & (sigma[:, column] < _UNSTATED)):
             present.append(name)
     return tuple(name for name in TERMS if name in present)
+
+
+def vertical_axis(imu: ImuSeries) -> int:
+    """Axis of the accelerometers that is nearest to the vertical in the mean over a log, however the IMU is mounted."""
+    return int(np.argmax(np.abs(imu.accel.mean(axis=0))))
+
+
+def by_axis(factors: Mapping[str, float], vertical: int) -> tuple[float, float, float]:
+    """Factors on the noise of the accelerometers x, y, z."""
+    level, down = factors.get("accel", 1.0), factors.get("accel_down", 1.0)
+    x, y, z = (down if k == vertical else level for k in range(3))
+    return x, y, z
 
 
 def wandering(layout: StateLayout, term: str) -> str | None:
@@ -89,16 +102,18 @@ def with_factors(prepared: PreparedRun, factors: Mapping[str, float]) -> Prepare
         name = wandering(prepared.layout, term)
         if name is not None and term in factors:
             models[name] = replace(models[name], noise=models[name].noise * factors[term])
-    psd = [prepared.psd[0].copy(), prepared.psd[1].copy()]
-    for name, (triad, axes) in WHITE.items():
-        psd[triad] *= np.where(np.array(axes) > 0.0, factors.get(name, 1.0) ** 2, 1.0)
+    gyro, accel = prepared.psd
+    if "gyro" in factors:
+        gyro = gyro * factors["gyro"] ** 2
+    if "accel" in factors or "accel_down" in factors:
+        accel = accel * np.square(by_axis(factors, vertical_axis(prepared.imu)))
     schedule = prepared.schedule
     D = component_factors(schedule.kind, factors)
     return replace(
         prepared,
         layout=StateLayout(models),
         initial=initial,
-        psd=(psd[0], psd[1]),
+        psd=(gyro, accel),
         schedule=replace(schedule, R=schedule.R * D[:, :, None] * D[:, None, :]),
     )
 

@@ -20,6 +20,7 @@ from schuler.navigation.tuning.noise import (
     TUNING_KINDS,
     WHITE,
     terms_of,
+    vertical_axis,
     wandering,
     with_factors,
     with_wander,
@@ -44,8 +45,8 @@ _MOST = 60.0
 #: What a term is, for tables and notes.
 TERM_TEXT = {
     "gyro": "white noise of the gyroscopes in motion",
-    "accel": "white noise of the accelerometers forward and right in motion",
-    "accel_down": "white noise of the accelerometer down in motion",
+    "accel": "white noise of the level accelerometers in motion",
+    "accel_down": "white noise of the vertical accelerometer in motion",
     "gyro_bias": "wander of the gyroscopes' biases",
     "accel_bias": "wander of the accelerometers' biases",
     "position": "sigma of horizontal positions",
@@ -88,6 +89,8 @@ class Tuning:
         Factor on sigmas of pseudoranges for their slow errors, in that of ``pseudorange``.
     slow_lead : float
         Log likelihood by which a slow error of positions that is not taken leads the noise that is.
+    vertical : int
+        Axis of the accelerometers that ``accel_down`` is of, the one nearest to the vertical.
     """
 
     factors: dict[str, float]
@@ -103,6 +106,7 @@ class Tuning:
     slow: dict[str, float] = field(default_factory=dict)
     ranges_slow: float = 1.0
     slow_lead: float = 0.0
+    vertical: int = 2
 
     def sentences(self) -> list[str]:
         """Sentences for the notes of a run."""
@@ -268,6 +272,7 @@ def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
         slow=_slow_entries(tuned) if slow and better else {},
         ranges_slow=ranges_slow,
         slow_lead=0.0 if slow else lead,
+        vertical=vertical_axis(prepared.imu),
     )
 
 
@@ -425,7 +430,7 @@ def noise_floors(prepared: PreparedRun) -> dict[str, float]:
     k = int(np.argmax(length))
     still = imu.between(float(rests.start[k]), float(rests.stop[k])).rates()
     floors = {}
-    for name, (triad, _) in WHITE.items():
+    for name, triad in WHITE.items():
         noise, psd = _white_noise((still.gyro, still.accel)[triad], still.interval), prepared.psd[triad].max()
         if noise > 0.0 and psd > 0.0:
             floors[name] = noise / float(np.sqrt(psd))

@@ -89,6 +89,7 @@ def imu_with(z: np.ndarray) -> ImuSeries:
     return ImuSeries(np.arange(1, len(z) + 1) / RATE, gyro, accel)
 
 
+@pytest.mark.campaign
 def test_the_person_is_told():
     truth = Counted(White(1.5e-4) + RandomWalk(1e-5), ShotNoise(3e-4, 20.0, 0.02), 5e-3, 10.0121, 125.0)
     grid = identify_noise(imu_with(log_of(truth, 30_000, 7)), models=("N", "N+K"))

@@ -162,6 +162,7 @@ def rounded(y):
     y[:] = np.round(y / 0.05) * 0.05
 
 
+@pytest.mark.campaign
 def test_faults_that_hide(clean):
     """Each on its axis: never a number without a warning of severity warning."""
     x, _ = clean

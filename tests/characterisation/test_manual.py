@@ -93,6 +93,7 @@ def campaign():
     return [identify_manually(model.sample(round(RECORD), 1.0, rng), 1.0) for _ in range(300)]
 
 
+@pytest.mark.campaign
 @pytest.mark.thinned(3)
 @pytest.mark.parametrize(("share", "tau"), [(0.05, 349.0), (0.5, 672.0), (0.95, 1427.0)])
 def test_the_correlation_time_scatters_as_in_simulated_records(campaign, share, tau):

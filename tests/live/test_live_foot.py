@@ -91,6 +91,7 @@ def test_increments_of_long_intervals_pass():
     assert "1 not finite or impossible" in live.events[0].text
 
 
+@pytest.mark.campaign
 def test_a_long_stand_is_cut_and_its_memory_bounded():
     """Two minutes at rest in mid-walk: cut every ten seconds in log and stream, no more samples kept than for that."""
     imu = walked()[1]

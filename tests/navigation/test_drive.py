@@ -189,6 +189,7 @@ def criterion(recording) -> float:
     return value
 
 
+@pytest.mark.campaign
 @pytest.mark.thinned(5)
 @pytest.mark.parametrize(
     ("section", "key"),
@@ -208,6 +209,7 @@ def test_the_levels_are_the_likeliest(recording, criterion, section, key):
         assert predicted_over(recording, 10.0, data)[0] < criterion
 
 
+@pytest.mark.campaign
 def test_velocities_of_this_log_are_old_differences_of_positions(recording, criterion):
     """Half an interval late: to be believed at their stamps they would have to be those of the middle difference."""
     g, t0 = recording.gnss, recording.start
@@ -238,6 +240,7 @@ def test_the_derived_stamps_are_stretched(recording, shared_data, criterion):
     assert predicted_over(derived, 10.0, data)[0] < criterion - 1.0
 
 
+@pytest.mark.campaign
 def test_mount_angles_and_clock_are_estimated_from_the_log(recording):
     """From 10 degrees and 0.3 s of ignorance; with cross-coupling of 1 percent as any cheap IMU has it."""
     raw_axes = np.diag([-1.0, 1.0, -1.0])  # "BRU"

@@ -74,6 +74,7 @@ def test_the_command_writes_it_beside_the_result(folder, capsys, tmp_path):
     assert "--force" in err
 
 
+@pytest.mark.campaign
 def test_a_part_of_a_log_has_a_proposal_of_its_own(folder, capsys, tmp_path):
     options = ("--no-trials", "--set", "imu.catalogue=MPU-6000", "--from", "10", "--to", "100")
     answer(capsys, "init", folder.path, "--out", tmp_path / "part.toml", *options, "--json")

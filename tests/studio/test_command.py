@@ -39,6 +39,7 @@ def test_without_nicegui_the_extra_is_named(capsys, tmp_path, monkeypatch):
     assert "pip install 'schuler[studio]'" in refusal(capsys, "studio", tmp_path, "--no-browser")
 
 
+@pytest.mark.campaign
 def test_the_folder_of_the_demo_navigates_as_schuler_demo(tmp_path, monkeypatch):
     monkeypatch.setattr(demo, "_RUNS", 1)
     shown = {}

@@ -234,6 +234,7 @@ def test_inclinations_are_those_of_the_accelerometers():
     np.testing.assert_allclose(solution.C_nb[2], hand.C[2], atol=3e-3)
 
 
+@pytest.mark.campaign
 def test_the_prediction_comes_true():
     """Progress after each advised move, predicted before it and found after it.
 
@@ -245,6 +246,7 @@ def test_the_prediction_comes_true():
     np.testing.assert_allclose(gains[:, 1], gains[:, 0], atol=0.02)
 
 
+@pytest.mark.campaign
 def test_shares_are_those_of_the_calibration():
     """The covariance along the turns and rests, and that of the settled passes over the log, heading known."""
     solution, last = shares(calibrated_automotive()), led_automotive()[2][-1]
@@ -288,6 +290,7 @@ def test_tactical_grade_stops_at_what_takes_hours():
     assert hand.t < 350.0
 
 
+@pytest.mark.campaign
 def test_what_is_found_is_true():
     """Normalised error squared of the coached calibrations, 60 degrees of freedom, 1e-4 on both sides: statistical."""
     total, freedom = 0.0, 0
@@ -379,6 +382,7 @@ def test_time_to_a_bias_by_the_vertical_is_that_of_averaging_and_turning():
     assert bias_out_of_reach(options, 1.0, 1.8) == set()
 
 
+@pytest.mark.campaign
 def test_a_routine_made_in_advance_serves_everything():
     before = initial_covariance(AUTOMOTIVE, latitude=LAT, height=HEIGHT, heading_sigma=1.0 * DEG)
     routine = planned_routine(before, parameter_names(before.layout))

@@ -139,6 +139,7 @@ def test_derivative_by_delay():
     assert np.abs(by_delay).max() > 5.0
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("runs", [20, pytest.param(400, marks=pytest.mark.slow)])
 def test_covariance_is_the_scatter(runs):
     """Statistical, five standard errors, and 15 % for what the first two steps leave in and is not counted."""

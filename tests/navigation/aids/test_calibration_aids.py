@@ -138,6 +138,7 @@ def test_gravity_and_zero_velocity_together_would_be_over_confident(parked):
     assert spread(parked, [at_standstill, ac.gravity_vector])[0] > 1.25
 
 
+@pytest.mark.campaign
 def test_earth_rate_and_zero_rate_together_would_be_over_confident(parked):
     band = 4.5 / np.sqrt(2 * 60)
     for aid in (ac.zero_rate, ac.earth_rate):

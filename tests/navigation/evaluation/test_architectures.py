@@ -85,6 +85,7 @@ def test_a_row_is_the_run_of_its_configuration(town, config, comparison):
     assert outage.errors.horizontal[inside].max() > errors.horizontal[inside].max()
 
 
+@pytest.mark.campaign
 def test_the_order_that_theory_wants(comparison):
     """Each architecture uses a superset of the information of the one before: laws, with a factor of two to spare."""
 

@@ -543,6 +543,7 @@ def test_mount_angles_are_estimated(started, sign):
 # --- A real log -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_real_velocities_are_half_an_interval_late(shared_data):
     """rtkexp_drive: RTKLIB's velocities are differences of its positions, 0.125 s old at 4 Hz."""

@@ -155,6 +155,7 @@ def test_no_named_scheme_is_better_than_the_best(cable):
     assert any("angle" in text for c in result.named() for text in c.refused) == cable
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("cable", [False, True])
 def test_two_axes_are_better_than_one_and_one_than_none(cable):
     result = searched(cable)
@@ -196,6 +197,7 @@ def test_front_goes_from_the_best_to_no_motion():
         result.front("wear")
 
 
+@pytest.mark.campaign
 def test_best_scheme_evaluated_by_linearising_the_turning_imu_itself():
     """The replay that the search believes in against the engine along the motion of the IMU."""
     result, (objective, _, scenario) = searched(), prepared()

@@ -89,6 +89,24 @@ def test_steady_rotation_is_no_rest(table, still):
     assert any("At rest (3." in n for n in read(table(rows), columns=COLUMNS, units="m/s^2,rad/s").metadata.notes)
 
 
+@pytest.mark.parametrize("per_attitude", [400, 4000])  # NumPy, and the compiled statistics of long logs
+def test_a_large_zero_rate_output_is_rest(rng, per_attitude):
+    """Three attitudes at rest with 20 deg/s on each axis, as cheap gyroscopes have, and turns of 60 deg/s between."""
+    n = 2 * per_attitude
+    turning = np.arange(n) % per_attitude >= per_attitude // 2
+    f = 9.81 * np.repeat(-np.eye(3), n // 2, axis=0) + 0.01 * rng.standard_normal((3 * n // 2, 3))
+    w = np.radians(20.0) + 0.001 * rng.standard_normal((3 * n // 2, 3))
+    moved = np.tile(turning[:per_attitude], 3)
+    f[moved] += rng.standard_normal((moved.sum(), 3))
+    w[moved] += np.radians(60.0) * rng.standard_normal((moved.sum(), 3))
+    t = np.arange(len(f)) / 100.0
+    window = checks.find_rest(t, f, w)
+    assert window is not None
+    assert not moved[window].any()
+    one = slice(0, per_attitude)  # gravity along one axis does not tell a bias from a turntable
+    assert checks.find_rest(t[one], f[one], w[one]) is None
+
+
 def test_finding_rest_trusts_no_unit(still):
     t, f, w = still[:, 0], still[:, 1:4], still[:, 4:7]
     assert checks.find_rest(t, f, w) == checks.find_rest(t, 1e-3 * f, 57.3 * w) == slice(0, 101)

@@ -111,7 +111,7 @@ def _deviation(values, k, begin, end):
 
 @kernel
 def windows(accel, gyro, size, out):
-    """Rows of ``found`` (5, m) of each window of ``size`` samples; the NumPy twin is in ``io.checks``."""
+    """Statistics (10, m) of windows of ``size`` samples; the NumPy twin is in ``io.checks``."""
     half = size // 2
     for k in range(out.shape[1]):
         begin, end = k * size, (k + 1) * size
@@ -122,15 +122,15 @@ def windows(accel, gyro, size, out):
                 early += norm
             else:
                 late += norm
-        spread = noise = rate = 0.0
+        spread = noise = 0.0
         for j in range(3):
-            spread = max(spread, _deviation(accel, j, begin, end)[1])
-            mean, deviation = _deviation(gyro, j, begin, end)
+            out[4 + j, k], deviation = _deviation(accel, j, begin, end)
+            spread = max(spread, deviation)
+            out[7 + j, k], deviation = _deviation(gyro, j, begin, end)
             noise = max(noise, deviation)
-            rate += mean * mean
         out[0, k] = (early + late) / size
         out[1, k] = abs(early / half - late / (size - half))
-        out[2, k], out[3, k], out[4, k] = spread, noise, math.sqrt(rate)
+        out[2, k], out[3, k] = spread, noise
 
 
 def prepare_windows() -> None:

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray, IntArray
+from schuler.recording.io.checks import largest, quiet_rates
 from schuler.recording.series import ImuSeries
 from schuler.standstill.intervals import true_runs
-from schuler.units import DEG
-
-_ANOTHER_ATTITUDE = 30.0 * DEG
 
 
 @dataclass(frozen=True)
@@ -83,8 +81,7 @@ def unscaled_rests(
     Notes
     -----
     A window rests if its specific force is steady, does not drift and is near the median norm, and if its rates are
-    as quiet as the quietest tenth of the log and their mean does not differ from the mean there.
-    :func:`schuler.recording.io.checks.find_rest` uses the same idea and stops at the first rest.
+    quiet (:func:`schuler.recording.io.checks.quiet_rates`).
     """
     t = imu.t
     interval = imu.interval if len(t) > 1 else 1.0
@@ -99,13 +96,14 @@ def unscaled_rests(
     typical = float(np.median(np.linalg.norm(imu.accel, axis=1)))
     f_sd, w_sd = f.std(axis=1), w.std(axis=1)
     steady = _steady_force(f, f_sd, typical, force_spread, force_drift)
-    still = steady & _quiet_rates(w, w_sd, imu.gyro, rate_noise, f.mean(axis=1), steady)
+    mean_rate, mean_force = w.mean(axis=1), f.mean(axis=1)
+    still = steady & quiet_rates(w_sd.max(axis=1), mean_rate, mean_force, steady, largest(imu.gyro), rate_noise)
     if speed is not None:
         middle = times.mean(axis=1)
         inside = (middle >= speed[0][0]) & (middle <= speed[0][-1])
         still &= ~inside | (np.interp(middle, *speed) < max_speed)
     without_gap = times[:, -1] - times[:, 0] < 1.5 * per * interval
-    windows = _split_by_attitude(true_runs(still & without_gap), f.mean(axis=1))
+    windows = _split_by_attitude(true_runs(still & without_gap), mean_force)
     return _means(imu, windows, per, f_sd, w_sd)
 
 
@@ -116,31 +114,6 @@ def _steady_force(f: FloatArray, f_sd: FloatArray, typical: float, spread: float
     moved = np.linalg.norm(f[:, :half].mean(axis=1) - f[:, half:].mean(axis=1), axis=1)
     steady = (f_sd.max(axis=1) <= spread * typical) & (moved <= drift * typical) & (level > 0.0)
     return np.asarray(steady & (np.abs(level - typical) < 0.3 * max(typical, 1e-300)))
-
-
-def _quiet_rates(
-    w: FloatArray, w_sd: FloatArray, gyro: FloatArray, factor: float, f: FloatArray, steady: BoolArray
-) -> BoolArray:
-    """Windows (m, per, 3) as quiet as the quietest tenth, whose mean rate is the bias there. Shape (m,).
-
-    ``f`` is the mean specific force of each, ``steady`` where that is constant. A rate that is not small beside those
-    of the log may be that of a turntable; but specific force stays constant only if the axis of turning is vertical,
-    so the same rate with gravity along other axes is a bias, such as the 20 deg/s of cheap gyroscopes.
-    """
-    noise, mean = w_sd.max(axis=1), w.mean(axis=1)
-    quietest, loudest = np.quantile(noise, 0.1), np.quantile(noise, 0.9)
-    quiet = noise <= factor * quietest
-    if loudest > factor * quietest:
-        rate = np.linalg.norm(mean, axis=1)
-        # the mean rate at rest is the bias: it must be that of the quietest windows, not merely small
-        off = np.linalg.norm(mean - np.median(mean[noise <= quietest], axis=0), axis=1)
-        top = float(np.quantile(rate, 0.98))
-        quiet &= off <= 2.0 * np.maximum(quietest, 1e-300) + 0.005 * top
-        up = f[quiet & steady]
-        up = up / np.linalg.norm(up, axis=1, keepdims=True)
-        if not len(up) or float((up @ up[0]).min()) > np.cos(_ANOTHER_ATTITUDE):
-            quiet &= rate <= 0.1 * np.abs(gyro).max()
-    return np.asarray(quiet)
 
 
 def _split_by_attitude(runs: IntArray, means: FloatArray) -> list[tuple[int, int]]:

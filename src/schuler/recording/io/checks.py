@@ -11,12 +11,13 @@ from collections.abc import Callable
 import numpy as np
 
 from schuler import units
-from schuler.arrays import FloatArray
+from schuler.arrays import BoolArray, FloatArray
 
 MAX_RATE = 100.0  # beyond any gyro in use, about 5700 deg/s [rad/s]
 MAX_FORCE = 200.0 * units.G0  # [m/s^2]
 NORM_TOLERANCE = 0.05  # far above the 0.5 % by which gravity varies and the 3 % of an uncalibrated MEMS sensor [-]
 NO_GRAVITY = 0.5  # a log whose median specific force is less is free fall or holds no gravity [m/s^2]
+_ANOTHER_ATTITUDE = 30.0 * units.DEG  # between rests that tell a bias from a turntable [rad]
 JITTER = 0.2  # of the sample interval [-]
 _MANY = 20_000  # samples from which loading compiled code is worth its fraction of a second
 _BLOCK = 1 << 15  # rows that are looked at together
@@ -109,8 +110,8 @@ def find_rest(t: FloatArray, accel: FloatArray, gyro: FloatArray, interval: floa
 
     Notes
     -----
-    Rest is a specific force steady to 2 % of its own norm on each axis, and rates as quiet as the quietest tenth of
-    the log and small against its largest, unless the whole log is equally quiet. Only ratios within the log are used.
+    Rest is a specific force steady to 2 % of its own norm on each axis, and rates as :func:`quiet_rates` has them. Only
+    ratios within the log are used.
     """
     if len(t) < 10:
         return None
@@ -120,24 +121,74 @@ def find_rest(t: FloatArray, accel: FloatArray, gyro: FloatArray, interval: floa
     if m == 0:
         return None
     ends = t[: m * per_window].reshape(m, per_window)
-    level, drift, spread, noise, rate = _windows(accel, gyro, m, per_window)
+    (level, drift, spread, noise), force, rate = np.split(_windows(accel, gyro, m, per_window), [4, 7])
     steady = (spread <= 0.02 * level) & (drift <= 0.01 * level) & (level > 0.0)
-    quietest, loudest = np.quantile(noise, 0.1), np.quantile(noise, 0.9)
-    quiet = (noise <= 3.0 * quietest) & ((rate <= 0.1 * largest(gyro)) | (loudest <= 3.0 * quietest))
+    quiet = quiet_rates(noise, rate.T, force.T, steady, largest(gyro))
     whole = ends[:, -1] - ends[:, 0] < 1.5 * per_window * interval  # no gap inside
     candidates = np.flatnonzero(steady & quiet & whole)
     return slice(int(candidates[0]) * per_window, int(candidates[0] + 1) * per_window) if len(candidates) else None
 
 
+def quiet_rates(
+    noise: FloatArray, rate: FloatArray, force: FloatArray, steady: BoolArray, largest_rate: float, factor: float = 3.0
+) -> BoolArray:
+    """Windows as quiet as the quietest tenth, whose mean rate is the bias there.
+
+    Parameters
+    ----------
+    noise : ndarray, shape (m,)
+        Largest standard deviation of the rate on an axis.
+    rate, force : ndarray, shape (m, 3)
+        Mean angular rate and mean specific force, in whatever unit.
+    steady : ndarray of bool, shape (m,)
+        Windows of constant specific force.
+    largest_rate : float
+        Of the log, on any axis.
+    factor : float
+        Largest noise, as a multiple of that of the quietest tenth.
+
+    Returns
+    -------
+    ndarray of bool, shape (m,)
+
+    Notes
+    -----
+    A rate that is not small beside those of the log may be that of a turntable; but specific force stays constant only
+    if the axis of turning is vertical, so the same rate with gravity along other axes is a bias, such as the 20 deg/s
+    of cheap gyroscopes.
+    """
+    quietest, loudest = np.quantile(noise, 0.1), np.quantile(noise, 0.9)
+    quiet = np.asarray(noise <= factor * quietest)
+    if loudest <= factor * quietest:
+        return quiet
+    size = np.linalg.norm(rate, axis=1)
+    tolerance = 2.0 * np.maximum(quietest, 1e-300) + 0.005 * float(np.quantile(size, 0.98))
+
+    def of_bias(windows: BoolArray) -> BoolArray:
+        """Quiet windows whose mean rate is that of the quietest of some."""
+        bias = np.median(rate[windows & (noise <= np.quantile(noise[windows], 0.1))], axis=0)
+        return np.asarray(quiet & (np.linalg.norm(rate - bias, axis=1) <= tolerance))
+
+    resting = of_bias(np.ones(len(noise), dtype=bool))
+    up = force[resting & steady]
+    up = up / np.linalg.norm(up, axis=1, keepdims=True)
+    if len(up) and float((up @ up[0]).min()) <= np.cos(_ANOTHER_ATTITUDE):
+        return resting
+    small = quiet & (size <= 0.1 * largest_rate)
+    if not (resting & small & steady).any() and small.any():
+        resting = of_bias(small)  # the quietest turn on a table
+    return np.asarray(resting & small)
+
+
 def _windows(accel: FloatArray, gyro: FloatArray, m: int, per_window: int) -> FloatArray:
     """Statistics of m windows: mean norm of the force and its change from the first to the second half, the largest
-    deviation of an axis of the force and of the rate, norm of the mean rate. Shape (5, m).
+    deviation of an axis of the force and of the rate, mean force, mean rate. Shape (10, m).
     """
     if len(accel) >= _MANY:
         from schuler.recording import _kernels
 
         _kernels.prepare_windows()
-        out = np.empty((5, m))
+        out = np.empty((10, m))
         _kernels.windows(np.ascontiguousarray(accel), np.ascontiguousarray(gyro), per_window, out)
         return out
     f = accel[: m * per_window].reshape(m, per_window, 3)
@@ -146,7 +197,7 @@ def _windows(accel: FloatArray, gyro: FloatArray, m: int, per_window: int) -> Fl
     half = per_window // 2
     drift = np.abs(norm[:, :half].mean(axis=1) - norm[:, half:].mean(axis=1))
     spread, noise = (v.std(axis=1).max(axis=1) for v in (f, w))
-    return np.stack((norm.mean(axis=1), drift, spread, noise, np.linalg.norm(w.mean(axis=1), axis=1)))
+    return np.vstack((norm.mean(axis=1), drift, spread, noise, f.mean(axis=1).T, w.mean(axis=1).T))
 
 
 def gravity_fault(

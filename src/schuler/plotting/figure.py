@@ -320,7 +320,8 @@ def _broken(x: ArrayLike, *columns: ArrayLike) -> tuple[FloatArray, ...]:
     if len(x) < 3:
         return (x, *arrays)
     forward = np.diff(x)
-    forward = forward[forward > 0.0]  # several values at one time are no step
+    if not forward.min() > 0.0:
+        forward = forward[forward > 0.0]  # several values at one time are no step
     usual = float(np.median(forward, overwrite_input=True)) if len(forward) else np.inf
     del forward
     after = np.flatnonzero(np.diff(x) > 5.0 * usual) + 1

@@ -79,18 +79,17 @@ def imu_panels(
     shown: Mapping[str, tuple[str, float]] = SHOWN_UNITS,
 ) -> list[Panel]:
     """Specific force and angular rate of every sample, rests shaded."""
-    accel, gyro, dt = _readings(imu)
     t = imu.t - zero
     shaded: list[Item] = [Span(a - zero, b - zero, "finding", "at rest") for a, b in rests]
     limits = (float(t[0]), float(t[-1])) if len(t) > 1 else None
     panels = []
-    for words, triad, (name, unit) in (
-        ("specific force", accel, shown["accel"]),
-        ("angular rate", gyro, shown["gyro"]),
+    for triad, (words, (name, unit)) in enumerate(
+        (("specific force", shown["accel"]), ("angular rate", shown["gyro"]))
     ):
 
-        def values(k: int, triad: FloatArray = triad, unit: float = unit) -> FloatArray:
-            column: FloatArray = triad[:, k] if dt is None else triad[:, k] / dt
+        def values(k: int, triad: int = triad, unit: float = unit) -> FloatArray:
+            *readings, dt = _readings(imu)  # anew: the intervals are not kept until the page is written
+            column: FloatArray = readings[triad][:, k] if dt is None else readings[triad][:, k] / dt
             return column / unit
 
         curves = [sampled(t, partial(values, k), f"axis_{axis}", axis) for k, axis in enumerate("xyz")]

@@ -71,17 +71,16 @@ def errors(subject: Subject, block: str) -> Figure | None:
     shares: list[list[str]] = [[] for _ in AXES]
     for role, result in subject.solutions if subject.errors else ():  # one after the other: each is long
         e = subject.errors[role]
+        within = subject.inside_three_sigma[role] if block == "dr" else None
         value = _of_block(e, block)
         if value is None:
             return None
-        within = (
-            subject.inside_three_sigma[role]
-            if block == "dr"
-            else inside_shares(e.t, value, result.t, subject.sigma(result, block))
-        )
+        if within is None:
+            within = inside_shares(e.t, value, result.t, subject.sigma(result, block))
         for i in range(len(AXES)):
             curves[i].append(line(subject.seconds(e.t), factor * value[:, i], role, role))
             shares[i].append(f"{role} {_percent(float(within[i]))}")
+        del value  # before that of the next is made
     if not curves[0]:
         return None
     panels = []

@@ -164,6 +164,23 @@ def test_live_navigator_gives_the_batch_numbers(drive):
     assert np.sum(batch.status[schedule.kind == CARRIER_PHASE] == ACCEPTED) > 40
 
 
+def test_a_long_run_is_smoothed_in_parts_to_the_last_bit(drive, monkeypatch):
+    """Parts of 1.3 s, whose filter knows which phases came before."""
+    lay, over = ac.layout(*CLOCK), ac.sky(drive, "G", 6)
+    over = over.where((over.t < 15.0) & ((over.sat != over.sat[0]) | (over.t != drive.fixes_t[6])))
+
+    def smoothed():
+        one = ac.filtered(drive, lay, [carriers(over)], 2, filter_layout=with_ambiguities(lay), smoother=True)
+        return one.result.smooth()
+
+    once = smoothed()
+    monkeypatch.setattr(engine, "_CHUNK", 130)
+    monkeypatch.setattr(engine, "_NODE_BYTES", 1)
+    parts = smoothed()
+    np.testing.assert_array_equal(parts.trajectory.r_eb_e, once.trajectory.r_eb_e)
+    np.testing.assert_array_equal(parts.covariance_e, once.covariance_e)
+
+
 def test_smoother_equals_dense_rauch_tung_striebel(drive):
     """Corrections and covariances at all nodes, starts of arcs too, by the recursion with inverses (rounding)."""
     from schuler.filtering.kernels import smoother as k

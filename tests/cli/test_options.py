@@ -58,11 +58,13 @@ def test_a_folder_in_the_place_of_the_file_is_refused_first(call, tmp_path, caps
 
 
 def test_what_the_system_refuses_is_one_line(tmp_path, monkeypatch, capsys):
-    # the default folder is not asked for and so not looked at before
+    """A file in the place of the default folder is seen before the work; what turns up meanwhile is one line too."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "demo").write_text("mine", encoding="utf-8")
     monkeypatch.setattr(
         "schuler.cli.demo.run_demo", lambda *_: (_ for _ in ()).throw(FileExistsError(17, "File exists", "demo"))
     )
     assert main(["demo"]) == 2
     assert capsys.readouterr().err.splitlines()[-1].startswith("schuler: demo: expected a path to read or write")
+    (tmp_path / "demo").write_text("mine", encoding="utf-8")
+    assert main(["demo"]) == 2
+    assert "Expected a folder" in capsys.readouterr().err

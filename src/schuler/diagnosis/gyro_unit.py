@@ -166,8 +166,10 @@ def possible_units(imu: ImuSeries) -> tuple[list[str], str]:
     left = [u for u in ("deg/s", "rad/s", "mdeg/s") if top * UNITS[u] < _WIDEST and still * UNITS[u] < _LARGEST_BIAS]
     usual = [u for u in left if u != "mdeg/s"]
     if len(usual) < 2:
-        what = f"up to {top:.3g}" + (f", {still:.3g} at rest" if len(rests) else "")
-        return usual or left[:1], f"by the size of the numbers ({what})"
+        at = (still, "at rest") if still * _WIDEST > top * _LARGEST_BIAS else (top, "at most")
+        words = [f"as {u} they are {at[0] * UNITS[u] / units.DEG:.3g} deg/s {at[1]}" for u in ("rad/s", "deg/s")]
+        excluded = ", ".join(words[: 2 - len(usual)])
+        return usual or left[:1], f"{excluded}, more than gyroscopes have"
     ratio = _swing(imu)
     fits = [u for u in usual if ratio is not None and 1.0 / _FACTOR < ratio / UNITS[u] < _FACTOR]
     if len(fits) == 1:

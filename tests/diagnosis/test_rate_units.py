@@ -49,6 +49,17 @@ def test_a_rate_at_rest_is_no_larger_than_a_bias(rate, left):
     assert ("more than gyroscopes have" in why) == (len(left) == 1)
 
 
+@pytest.mark.parametrize("tilt", [0.0, 8.0 * DEG])
+def test_a_table_that_turns_is_no_bias(tilt):
+    """57 deg/s about the vertical throughout: nothing tells it from 1 deg/s of bias, so it is asked."""
+    axis = np.array([np.sin(tilt), 0.0, np.cos(tilt)])
+    still = at_rest(0.0)
+    units, _ = possible_units(
+        ImuSeries(still.t, axis + still.gyro, still.accel + G0 * (np.array([0.0, 0.0, 1.0]) - axis))
+    )
+    assert units == ["deg/s", "rad/s"]
+
+
 def test_counts_are_of_16_bits():
     gyro = np.full((3, 3), 32768.0)
     assert are_counts(gyro)

@@ -32,6 +32,7 @@ _LEAST_TURN = 10.0 * units.DEG
 COUNTS_PER_DEG_S = (131.0, 65.5, 32.8, 16.4)
 _WIDEST = 4500.0 * units.DEG  # range that MEMS gyroscopes have, and a little
 _LARGEST_BIAS = 40.0 * units.DEG  # at rest
+_VERTICAL = np.cos(25.0 * units.DEG)  # a rate this near to the vertical may be a turn about it
 _LARGEST_COUNT = 2.0**15
 _LEAST_LARGE = 30  # counts: smaller whole numbers may be any unit, rounded
 _BLOCK_S = 0.1
@@ -155,14 +156,15 @@ def possible_units(imu: ImuSeries) -> tuple[list[str], str]:
     Notes
     -----
     A unit is out of the question where the largest rates are beyond the range of any MEMS gyroscope, or the mean at
-    rest beyond any bias. Of what is left, motion in which gravity turns in the sensor's axes (on a shoe, in a hand)
-    changes the specific force by ``f x omega`` times a factor near one of either sign, for the sensor swings too: on
-    shoes 0.4 to 1.5 in magnitude, where the next unit is 57 times away. On vehicles the two are hardly correlated.
+    rest beyond any bias (but for one about the vertical, which may be a table that turns). Of what is left, motion in
+    which gravity turns in the sensor's axes (on a shoe, in a hand) changes the specific force by ``f x omega`` times a
+    factor near one of either sign, for the sensor swings too: on shoes 0.4 to 1.5 in magnitude, where the next unit is
+    57 times away. On vehicles the two are hardly correlated.
     """
     size = np.linalg.norm(imu.gyro, axis=1)
     top = float(np.quantile(size, 0.999))
     rests = unscaled_rests(imu)
-    still = np.linalg.norm(np.median(rests.gyro, axis=0)) if len(rests) else 0.0
+    still = _bias_at_rest(rests)
     left = [u for u in ("deg/s", "rad/s", "mdeg/s") if top * UNITS[u] < _WIDEST and still * UNITS[u] < _LARGEST_BIAS]
     usual = [u for u in left if u != "mdeg/s"]
     if len(usual) < 2:
@@ -174,10 +176,24 @@ def possible_units(imu: ImuSeries) -> tuple[list[str], str]:
     fits = [u for u in usual if ratio is not None and 1.0 / _FACTOR < ratio / UNITS[u] < _FACTOR]
     if len(fits) == 1:
         return fits, "specific force changes as it does where gravity turns with the sensor"
-    if not len(rests):
+    if still == 0.0:
         return usual, ""
     words = [f"as {u} they are {still * UNITS[u] / units.DEG:.2g} deg/s at rest" for u in usual]
     return usual, ", ".join(words)
+
+
+def _bias_at_rest(rests: UnscaledRests) -> float:
+    """Norm of the mean rate at rest; zero where there is none, or it may be that of a table that turns all the time.
+
+    Specific force stays constant in a turn only about the vertical, so a rate across it is a bias.
+    """
+    if not len(rests):
+        return 0.0
+    along = np.abs(np.sum(rests.gyro * rests.accel, axis=1))
+    sizes = np.linalg.norm(rests.gyro, axis=1) * np.linalg.norm(rests.accel, axis=1)
+    if np.all(along > _VERTICAL * sizes):
+        return 0.0
+    return float(np.linalg.norm(np.median(rests.gyro, axis=0)))
 
 
 def _swing(imu: ImuSeries) -> float | None:

@@ -238,7 +238,10 @@ def test_interruption_keeps_what_was_done(drive_case, monkeypatch):
         if fraction > 0.4:
             raise KeyboardInterrupt
 
-    forward = run(log, schedule, initial, lay, *NOISE, FilterOptions(smoother=True), progress=stop)
+    options = FilterOptions(smoother=True)
+    with pytest.raises(KeyboardInterrupt):  # a part is kept only if it is asked for
+        run(log, schedule, initial, lay, *NOISE, options, progress=stop)
+    forward = run(log, schedule, initial, lay, *NOISE, options, progress=stop, keep_part=True)
     assert not forward.complete
     assert forward.t[-1] == pytest.approx(60.0)
     assert forward.nodes is None

@@ -160,6 +160,8 @@ def test_the_coach_follows_a_log_that_grows(tmp_path):
             chromium.wait_for(page, "document.querySelector('.verdict.failed')", 90.0)  # one rest is not enough
             assert (chromium.errors(page), chromium.requests(page)) == ((), ())
     finally:
+        for job in jobs.jobs(folder):
+            jobs.cancel(folder, job.key)
         served.stop()
     job = jobs.latest(folder, "calibrate", "field", "hand.csv")
     answer = jobs.answer(folder, job.key)
@@ -202,6 +204,8 @@ def test_the_coach_follows_a_serial_port(tmp_path):
             assert (chromium.errors(page), chromium.requests(page)) == ((), ())
             assert chromium.overflow(page) <= 0.0
     finally:
+        for job in jobs.jobs(folder):
+            jobs.cancel(folder, job.key)
         served.stop()
         os.close(master)
         os.close(slave)

@@ -288,6 +288,8 @@ def run(
     accel_psd: ArrayLike,
     options: FilterOptions | None = None,
     progress: Progress | None = None,
+    *,
+    keep_part: bool = False,
 ) -> ForwardRun:
     """Run the filter forward over a log.
 
@@ -304,11 +306,12 @@ def run(
     options : FilterOptions, optional
     progress : callable, optional
         Called with the fraction done.
+    keep_part : bool
+        On Ctrl-C return what was computed so far, with ``complete`` False, instead of raising.
 
     Returns
     -------
     ForwardRun
-        On Ctrl-C what was computed so far, with ``complete`` False.
 
     Raises
     ------
@@ -366,6 +369,8 @@ def run(
                     "and axes of the log, and that the specification of the IMU allows for its errors"
                 )
     except KeyboardInterrupt:
+        if not keep_part:
+            raise  # a caller that does not ask would take a part for the whole
         complete = False
     everywhere = np.zeros(len(schedule), dtype=np.int64)
     everywhere[in_span] = aiding.status

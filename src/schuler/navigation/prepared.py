@@ -65,6 +65,9 @@ class PreparedRun:
     axes_covariance_b: FloatArray = field(default_factory=lambda: np.zeros((3, 3)), repr=False)
     fixes_later_s: float = 0.0
 
-    def run(self, progress: Progress | None = None) -> ForwardRun:
+    def run(self, progress: Progress | None = None, *, keep_part: bool = False) -> ForwardRun:
         """Run the filter forward; see :func:`schuler.filtering.engine.run`."""
-        return run(self.increments, self.schedule, self.initial, self.layout, *self.psd, self.options, progress)
+        return run(
+            self.increments, self.schedule, self.initial, self.layout, *self.psd, self.options, progress,
+            keep_part=keep_part,
+        )  # fmt: skip

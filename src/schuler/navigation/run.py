@@ -100,7 +100,7 @@ def navigate(
     asked = config
     config, prepared, tuned = supported_run(asked, prepare, aligned=initial is None)
     noisy = noise_against_budget(prepared.imu, prepared.spec)  # before the run takes memory
-    forward = prepared.run(progress=progress)
+    forward = prepared.run(progress=progress, keep_part=True)
     if forward.epochs == 0 or not len(forward.rec_t):
         raise KeyboardInterrupt  # stopped before the first record
     notes, schedule = [*prepared.notes, *tuned], prepared.schedule

@@ -143,7 +143,8 @@ def navigate_rotary(
     if not len(schedule):
         notes.append("no measurement is used: this is a free inertial solution")
     options = filter_options(config, imu)
-    forward = run(increments, schedule, start, layout, *white_noise_psd(config, spec), options, progress)
+    psd = white_noise_psd(config, spec)
+    forward = run(increments, schedule, start, layout, *psd, options, progress, keep_part=True)
     if forward.epochs == 0 or not len(forward.rec_t):
         raise KeyboardInterrupt  # stopped before there was anything to keep
     if not forward.complete:

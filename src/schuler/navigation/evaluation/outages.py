@@ -251,9 +251,6 @@ def outage_statistics(
     try:
         for k in records:
             forked = _fork(unaided, base, int(k), longest)
-            if forked is None:
-                complete = False
-                break
             first = _position_errors(base, slice(int(k), int(k) + 1), reference, at_antenna)
             after = _position_errors(forked, slice(0, len(age) - 1), reference, at_antenna)
             if len(after[0]) < len(age) - 1:
@@ -338,8 +335,8 @@ def _unaided_log(recording: Recording, config: NavigationConfig, base: Navigatio
     )  # fmt: skip
 
 
-def _fork(unaided: _UnaidedLog, base: NavigationResult, k: int, longest: float) -> NavigationResult | None:
-    """The run from its k-th record on, without GNSS; None if interrupted."""
+def _fork(unaided: _UnaidedLog, base: NavigationResult, k: int, longest: float) -> NavigationResult:
+    """The run from its k-th record on, without GNSS."""
     t = float(base.t[k])
     start = base.state_at(k)
     step = unaided.options.record_s
@@ -354,8 +351,6 @@ def _fork(unaided: _UnaidedLog, base: NavigationResult, k: int, longest: float) 
         unaided.accel_psd,
         unaided.options,
     )
-    if not forward.complete:
-        return None
     return NavigationResult.from_run(
         forward, forked.t, forked.kind, base.layout, lever_arm_b=base.lever_arm_b, outages=((t, t + longest),)
     )

@@ -59,17 +59,19 @@ def by_stride(
     cuts = _cuts(rests, increments)
     filtered: list[NavigationResult] = []
     smoothed: list[NavigationResult] = []
-    for first, last in pairwise(cuts.tolist()):
-        result = filter_stride(slice_of(increments, first, last), schedule, initial, layout, psd, options)
-        if not result.complete:
-            if not filtered:
-                raise KeyboardInterrupt
-            break
-        filtered.append(result)
-        smoothed.append(result.smooth())
-        initial = result.state_at(-1)
-        if progress is not None:
-            progress(last / len(increments))
+    try:
+        for first, last in pairwise(cuts.tolist()):
+            result = filter_stride(slice_of(increments, first, last), schedule, initial, layout, psd, options)
+            smooth = result.smooth()
+            filtered.append(result)
+            smoothed.append(smooth)
+            initial = result.state_at(-1)
+            if progress is not None:
+                progress(last / len(increments))
+    except KeyboardInterrupt:
+        if not smoothed:
+            raise
+        del filtered[len(smoothed) :]
     complete = len(filtered) == len(cuts) - 1
     return _joined(filtered, complete), _joined(smoothed, complete)
 

@@ -127,7 +127,7 @@ def navigate_foot(
     if config.filter.smooth == "stride":
         filtered, smoothed = by_stride(increments, schedule, initial, layout, psd, options, rests, progress)
     else:
-        forward = run(increments, schedule, initial, layout, *psd, options, progress)
+        forward = run(increments, schedule, initial, layout, *psd, options, progress, keep_part=True)
         if forward.epochs == 0 or not len(forward.rec_t):
             raise KeyboardInterrupt  # stopped before there was anything to keep
         filtered = NavigationResult.from_run(forward, schedule.t, schedule.kind, layout)

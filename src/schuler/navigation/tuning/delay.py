@@ -134,10 +134,7 @@ def _square(run: PreparedRun) -> float:
 def _delay_of(run: PreparedRun) -> tuple[float, float]:
     """Time offset at the end of a run that keeps nothing to smooth over, and its 1-sigma. [s]"""
     options = replace(run.options, smoother=False)
-    forward = replace(run, options=options).run()
-    if not forward.complete:
-        raise KeyboardInterrupt
-    return delay_at_end(forward, run)
+    return delay_at_end(replace(run, options=options).run(), run)
 
 
 def is_same(run: PreparedRun, other: PreparedRun) -> bool:

@@ -44,8 +44,6 @@ def has_lever(prepared: PreparedRun, free: PreparedRun) -> bool:
     if not likelier(prepared, free):
         return False
     forward, part = replace(free, options=replace(free.options, smoother=False)).run(), free.layout["lever"]
-    if not forward.complete:
-        raise KeyboardInterrupt
     lever = forward.rec_est[-1, part.start - 9 : part.stop - 9]
     P = unpack_symmetric(forward.rec_P[-1:], free.layout.size)[0, part, part]
     return bool(lever @ np.linalg.solve(P, lever) > _APART)

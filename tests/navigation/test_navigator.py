@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from schuler import frames
-from schuler.exceptions import FileFormatError, InputError
+from schuler.exceptions import DivergenceError, FileFormatError, InputError
 from schuler.filtering.engine import FilterOptions, run, unpack_symmetric
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import ACCEPTED, gnss_measurements, position, velocity
@@ -210,7 +210,7 @@ def test_a_filter_whose_covariance_is_none_stops(town):
     P[6, 7] = P[7, 6] = 3.0 * P[6, 6]
     live = live_run(InitialState(initial.nav, P, initial.parameters))
     live.aid(position(0.005, cases.ORIGIN, np.full(3, 1e-3), gate=None))
-    with pytest.raises(InputError, match=r"the filter failed at 0\.005 s: the innovation of a position"):
+    with pytest.raises(DivergenceError, match=r"the filter failed at 0\.005 s: the innovation of a position"):
         live.imu(0.01, np.zeros(3), np.array([0.0, 0.0, -0.098]))
 
 

@@ -124,6 +124,28 @@ def test_walk_innovations_are_honest(whole_walk):
     assert any("range rates were enlarged" in note for note in result.notes)
 
 
+@pytest.mark.parametrize(
+    ("entry", "value", "largest"),
+    [
+        ("gnss.tight.clock_drift_noise_m_s", 0.003, 40.0),  # 25 m seen, 1e19 m where clocks were not enlarged
+        ("gnss.gate", 0.5, 10.0),  # 4 m, 8e8 m
+        ("gnss.tight.carrier_sigma_m", 1e-5, 10.0),
+    ],
+)
+def test_walk_with_an_absurd_setting_says_so_and_does_not_run_away(walk, entry, value, largest):
+    more = CARRIERS[:1] if "carrier" in entry else ()
+    result, _, e = walk.run(*more, (entry, value))
+    assert result.verdict.status != "ok"
+    assert np.abs(e - np.median(e, axis=0))[:, :2].max() < largest
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_walk_with_range_rates_whose_sigma_is_absurd_is_judged(walk, scale):
+    """Innovations that are no numbers, or count for nothing, were divided by their count: zero."""
+    result, _, _ = walk.run(("gnss.tight.rate_sigma_scale", scale), ("gnss.tight.range_sigma_scale", max(scale, 1.0)))
+    assert result.verdict.status != "ok"
+
+
 @pytest.mark.parametrize(("most", "largest"), [(3, 3.0), (2, 5.0), (1, 15.0)])
 @pytest.mark.parametrize("begin", [60.0, 75.0])
 def test_walk_goes_on_with_a_subset_of_satellites(walk, whole_walk, most, largest, begin):

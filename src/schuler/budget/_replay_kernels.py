@@ -279,7 +279,7 @@ def prepare_replay() -> None:
         return nb.types.NamedTuple(types, cls)
 
     nodes = of(Nodes, m, m, c, k, c, m, k, k)
-    model = of(Model, km, m, k, k, f, i, nb.boolean, nb.boolean, nb.boolean, x)
+    model = of(Model, km, m, k, k, f, f, i, nb.boolean, nb.boolean, nb.boolean, x)
     work = of(Workspace, m, m, f, f, m, m, m, m, f, f, c, f, c, m, m, m, f, f, m, m, m, f)
     prepare(
         [

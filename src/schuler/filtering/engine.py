@@ -7,6 +7,7 @@ is given a whole log or one sample. What the states are and which measurements c
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -37,6 +38,7 @@ from schuler.filtering.measurements import KINDS, POSITION, RESET_KINDS, VELOCIT
 from schuler.filtering.node_parts import NodeParts, Part
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState
+from schuler.recording.io.possible import MAX_SPEED, RADII
 from schuler.recording.series import Increments
 
 Progress = Callable[[float], None]
@@ -195,6 +197,13 @@ class FilterState:
         return NavState(float(self._arrays.times[0]), nav[7:10].copy(), nav[4:7].copy(), nav[0:4].copy())
 
     @property
+    def is_broken(self) -> bool:
+        """Whether its numbers are none: not finite, a variance below zero, a place or speed that nothing has."""
+        nav, variances = self._arrays.nav.tolist(), self._arrays.P.diagonal().tolist()
+        moves = math.hypot(*nav[4:7]) <= MAX_SPEED and math.hypot(*nav[7:10]) <= RADII[1]  # not so of NaN
+        return not (moves and math.isfinite(sum(nav[:4])) and min(variances) >= 0.0)
+
+    @property
     def covariance_e(self) -> FloatArray:
         """Covariance in Earth-fixed axes at its last propagation. Shape (n, n)."""
         n = self.layout.size
@@ -228,6 +237,7 @@ def filter_model(layout: StateLayout, gyro_psd: ArrayLike, accel_psd: ArrayLike,
         dynamics=np.ascontiguousarray(layout.dynamics().reshape(m, 2)),
         on_attitude=np.flatnonzero((sensors[:, 0] == 0) | cross),
         places=np.array([layout[name].start if name in layout else -1 for name in PLACES]),
+        most=layout.largest_variances(),
         psd=psd,
         n_sensor=layout.n_sensor,
         response=any(name[0] in "SMG" for name in layout.models),

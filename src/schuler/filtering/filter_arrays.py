@@ -58,6 +58,7 @@ class Model(NamedTuple):
     dynamics: FloatArray  # (m, 2) inverse correlation time, density of the driving noise
     on_attitude: IntArray  # sensor parameters that act on the attitude
     places: IntArray  # first state of each block in limits.PLACES, or -1
+    most: FloatArray  # (n,) variances to which those of a filter that is wrong are enlarged at most
     psd: FloatArray  # (6,) white noise of gyroscopes and accelerometers
     n_sensor: int
     response: bool  # scale factors, misalignments or g-sensitivities are estimated

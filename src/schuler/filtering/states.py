@@ -27,6 +27,7 @@ NAVIGATION = ("dpsi", "dv", "dr")
 _GYRO, _ACCEL, _OTHER = 0, 1, -1
 _OFF_DIAGONAL = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
 _UPPER = ((0, 1), (0, 2), (1, 2))
+_FAR_OFF = 10.0  # times its initial 1-sigma: what an IMU error can be found to be off by
 _WALK_S, _FASTER_S = 100.0, 10.0  # of a bias instability: where its walk reaches it, and the decade below [s]
 
 #: Rows (sensor, axis, regressor) of each kind of block: regressor 0 is time, 1-3 specific force, 4-6 angular rate.
@@ -267,6 +268,20 @@ class StateLayout:
         """(m,) initial variance of every parameter."""
         rows = [model.sigma**2 for name, model in self.models.items() for _ in BLOCKS[name]]
         return np.array(rows, dtype=np.float64)
+
+    def largest_variances(self) -> FloatArray:
+        """(n,) variances to which those of a filter that is found wrong may be enlarged at most.
+
+        An attitude's is a radian's, an IMU error's ten times its initial 1-sigma; position, velocity and the clocks of
+        a receiver have no bound. States of others are not enlarged: zero.
+        """
+        most = np.zeros(self.size)
+        most[:3], most[3:9] = 1.0, np.inf
+        most[9 : 9 + self.n_sensor] = _FAR_OFF**2 * self.initial_variances()[: self.n_sensor]
+        for name in self.models:
+            if name.startswith("clock"):
+                most[self[name]] = np.inf
+        return most
 
     def values(self, **blocks: ArrayLike) -> FloatArray:
         """Parameter vector (m,) from values by block; blocks left out are zero."""

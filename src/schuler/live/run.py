@@ -94,9 +94,8 @@ class LiveRun:
 
     @property
     def is_broken(self) -> bool:
-        """Whether the numbers of the filter are none: not finite, or variances below zero."""
-        arrays = self.filter.state.arrays
-        return not math.isfinite(sum(arrays.nav.tolist())) or min(arrays.P.diagonal()[:9].tolist()) < 0.0
+        """Whether the numbers of the filter are none."""
+        return self.filter.state.is_broken
 
     @property
     def kept(self) -> Kept:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_floats, as_vector3
-from schuler.exceptions import InputError
+from schuler.exceptions import DivergenceError, InputError
 from schuler.filtering.engine import FilterOptions, FilterState
 from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.filter_arrays import Aiding, ImuStream, NodeArrays, RecordArrays, TrajectoryArrays
@@ -24,6 +24,10 @@ from schuler.navigation.inputs.imu_axes import claimed_attitude
 from schuler.navigation.recent_samples import RecentSamples, Sample
 from schuler.rotation import dcm_from_quat
 
+_TO_DO = (
+    "Check initial covariance, noise densities, the noise of a receiver's clock and the sigmas of measurements; align "
+    "again and make a new Navigator"
+)
 MAX_AHEAD_S = 86_400.0  # a measurement stamped later than the newest sample by more is of another clock [s]
 
 
@@ -141,7 +145,9 @@ class Navigator:
         ------
         InputError
             If time does not advance or advances by more than ``max_gap_s``, a value is not finite or beyond any sensor
-            (nothing is taken then, and the next sample bridges this one); if the filter has failed.
+            (nothing is taken then, and the next sample bridges this one).
+        DivergenceError
+            If the filter has failed: an innovation without a positive variance, or a place or speed that nothing has.
         """
         dt = t - self._last
         if not dt > 0.0:
@@ -328,6 +334,12 @@ class Navigator:
                         float(aiding.nis[i]), aiding.innovation[i],
                     )
                 )  # fmt: skip
+            if f.is_broken:
+                v, r = np.linalg.norm(f.arrays.nav[4:7]), np.linalg.norm(f.arrays.nav[7:10])
+                raise DivergenceError(
+                    f"the filter failed at {t:.3f} s: its measurements lead it to a speed of {v:.3g} m/s, {r:.3g} m "
+                    f"from the Earth's centre. {_TO_DO}"
+                )
 
     def _judge(self, outcome: Outcome) -> None:
         """Keep and report an outcome; an innovation whose covariance is none ends the run."""
@@ -335,10 +347,9 @@ class Navigator:
         if self._on_outcome is not None:
             self._on_outcome(outcome)
         if outcome.status == STATUS[REJECTED] and not outcome.nis >= 0.0:
-            raise InputError(
+            raise DivergenceError(
                 f"the filter failed at {outcome.t:.3f} s: the innovation of a {outcome.kind} has no positive variance "
-                f"(normalised square {outcome.nis:g}). Check initial covariance, noise densities and the sigmas of "
-                "measurements; align again and make a new Navigator"
+                f"(normalised square {outcome.nis:g}). {_TO_DO}"
             )
 
 

@@ -248,6 +248,19 @@ def test_a_covariance_that_is_not_positive_fails_the_run(recording):
     assert "covariances are not positive at" in broken.verdict.reasons[0]
 
 
+@pytest.mark.parametrize("part", ["r_eb_e", "v_eb_e"])
+def test_a_solution_where_nothing_can_be_fails_the_run(recording, part):
+    """Finite numbers, covariances and innovations in order: a light-second away, or at 40 km/s."""
+    run = navigate(recording, config())
+    T = run.trajectory
+    far = np.where(
+        np.arange(len(T.t))[:, None] >= len(T.t) // 2, {"r_eb_e": 3e8, "v_eb_e": 4e4}[part], getattr(T, part)
+    )
+    broken = replace(run, trajectory=replace(T, **{part: far}))
+    assert broken.verdict.status == "failed"
+    assert f"which nothing does, from {T.t[len(T.t) // 2]:.1f} s on" in broken.verdict.reasons[0]
+
+
 def test_resets_have_no_test_and_break_nothing(recording):
     run = navigate(recording, config(gnss={"coupling": "reset"}))
     assert not any("broke down" in reason for reason in run.verdict.reasons)

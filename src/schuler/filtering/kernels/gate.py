@@ -136,6 +136,23 @@ def enlarge_in_proportion(factor, n, P):
 
 
 @borrowing
+def enlarge_within(factor, P, most, g):
+    """The same for satellites, with the receiver's clocks, and no variance beyond ``most``.
+
+    A clock that moves otherwise than stated makes all satellites contradict at once: if it alone kept its variance, all
+    of that went into velocity and attitude. Satellites are taken one by one, each with a factor, and what one of them
+    does not show would grow without end. ``P + g P g``: what is added is a covariance. ``g`` is workspace.
+    """
+    n = P.shape[0]
+    for i in range(n):
+        g[i] = math.sqrt(max(min(factor * P[i, i], most[i]) - P[i, i], 0.0) / P[i, i]) if P[i, i] > 0.0 else 0.0
+    for i in range(n):
+        if g[i] > 0.0:
+            for j in range(n):
+                P[i, j] *= 1.0 + g[i] * g[j]
+
+
+@borrowing
 def enlarge_alone(kind, y, velocity, U, P):
     """Covariance of position or velocity larger by an innovation squared, horizontal and vertical: a jump.
 
@@ -290,7 +307,7 @@ def judge(kind, t, nis, d, gate, R, settings, state, model, work):
     """What becomes of a measurement by its normalised innovation; the covariance is enlarged for one that is forced in.
 
     ``R`` may be changed. Single numbers (ranges, wheels, rest) are counted: after ``lockout`` rejections less
-    acceptances one is taken, since one good satellite does not make up for several that are rejected.
+    acceptances one is taken, one of an epoch, since one good satellite does not make up for several that are rejected.
     """
     if nis < 0.0 or not math.isfinite(nis):
         return REJECTED
@@ -302,11 +319,12 @@ def judge(kind, t, nis, d, gate, R, settings, state, model, work):
     if nis <= gate:
         row[COUNT] = max(row[COUNT] - 1.0, 0.0)
         return ACCEPTED
-    row[COUNT] += 1.0
-    if row[COUNT] <= settings.lockout:
+    row[COUNT] = min(row[COUNT], settings.lockout) + 1.0
+    if row[COUNT] <= settings.lockout or row[LAST_AT] == t:
         return REJECTED
+    row[LAST_AT] = t
     row[COUNT] = 0.0 if d == 3 else row[COUNT] - 1.0
     if kind in (PSEUDORANGE, RANGE_RATE, CARRIER_PHASE):
-        enlarge_in_proportion(min(nis / d, DRIFT), 9 + model.n_sensor, state.P)
+        enlarge_within(min(nis / d, DRIFT), state.P, model.most, work.dx)
         repeated(state, work, R, d)
     return FORCED

@@ -391,7 +391,7 @@ def prepare_filter() -> None:
                     of(ImuStream, m, m, f, f, yes),
                     of(Aiding, f, k, m, m, m, f, k, f, m, m),
                     of(FilterArrays, f, f, m, f, f, f, f, m, f, f, k, m, f, m, f),
-                    of(Model, km, m, k, k, f, i, yes, yes, yes, x),
+                    of(Model, km, m, k, k, f, f, i, yes, yes, yes, x),
                     of(Settings, i, x, x, i, i, x, yes, x, x, x),
                     of(Workspace, m, m, f, f, m, m, m, m, f, f, c, f, c, m, m, m, f, f, m, m, m, f, f),
                     of(TrajectoryArrays, f, m, m, m),

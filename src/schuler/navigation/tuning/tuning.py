@@ -320,7 +320,7 @@ def contradicted(prepared: PreparedRun) -> bool:
         for horizon in np.unique(seen.horizon):
             mine = (seen.kind == kind) & (seen.horizon == horizon)
             n = int(counted[mine].sum())
-            if np.sum(mine) < _JUDGES:
+            if np.sum(mine) < _JUDGES or n == 0:  # predictions that are no numbers count for nothing
                 continue
             mean = float(squares[mine].sum()) / n
             off = squares[mine].sum(axis=1) - mean * counted[mine].sum(axis=1)

@@ -164,7 +164,7 @@ def main(argv: list[str] | None = None) -> int:
         if not rows:
             continue
         good = [row for row in rows if "sentence" not in row]
-        if not as_recorded:
+        if name == "as recorded":
             as_recorded = {row["name"]: row["error"] for row in good}
         nees = [row["nees"] for row in good] or [np.nan]
         ratio = [row["error"] / as_recorded[row["name"]] for row in good if row["name"] in as_recorded] or [np.nan]

@@ -22,7 +22,7 @@ from schuler.live.replay import ReplayFilter
 from schuler.live.warm import Kept, stood
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.inputs.imu_axes import axes_covariance, claimed_attitude
+from schuler.navigation.inputs.imu_axes import axes_covariance, axes_note, claimed_attitude
 from schuler.navigation.start.calibration import configured_start
 from schuler.navigation.states import imu_spec
 from schuler.recording.series import ImuSeries, Kind
@@ -91,6 +91,13 @@ class LiveRun:
     ) -> Solution:
         """:func:`solution` of a state of this run, with the attitude claimed as its axes are known."""
         return solution(t, nav, self._claimed(nav[:4], covariance_e), health, smoother_lag_s)
+
+    def axes_note(self) -> list[str]:
+        """A sentence if attitudes are claimed as the sensors' axes are known, far worse than the filter knows these."""
+        if not self.axes_covariance_b.any():
+            return []
+        P = self.filter.state.covariance_e[:3, :3]
+        return axes_note(self.axes_covariance_b, P, calibrated=self.provenance is not None)
 
     @property
     def is_broken(self) -> bool:

@@ -83,6 +83,7 @@ class LiveStream:
         self.stood_still = False
         self.span_s = _COLLECTED_S
         self._intake = Intake(self.satellites, self.say)
+        self._axes_said = False
         self._begin()
 
     def _begin(self) -> None:
@@ -206,13 +207,17 @@ class LiveStream:
             self._collection = None
 
     def _judge(self, run: LiveRun) -> None:
-        """Let go of what is too old, and say when the health changes."""
+        """Let go of what is too old; say when the health changes, and once that the axes limit the attitude's claim."""
         health = run.judge()
         if run.is_broken:
             self._restart("the filter failed: its numbers are none")
         elif health != self.health:
             self.say("health", f"{self.health} becomes {health}", f"health {health}")
             self.health = health
+        if health == "ok" and not self._axes_said:
+            for sentence in run.axes_note():
+                self.say("imu", sentence, "axes")
+                self._axes_said = True
 
     def _start(self) -> None:
         """Align over what came so far, and filter from there to the newest sample.

@@ -252,6 +252,20 @@ def test_poor_positions_do_not_convict_good_velocities(recording):
     assert contradictions(replace(poor, v_n=0.1 * g.v_n)) == []
 
 
+def test_fixes_seconds_apart_do_not_jump_where_the_way_between_them_winds():
+    """A walk round corners: neither velocity tells of the way between; a jump of 30 m is told all the same."""
+    t = np.arange(0.0, 300.0, 5.0)
+    corner = np.arange(len(t)) % 5 == 2
+    r_n = np.cumsum(np.column_stack((np.full(len(t), 6.0), np.where(corner, 5.0, 0.0), np.zeros(len(t)))), axis=0)
+    llh = frames.llh_from_ecef(frames.ecef_from_ned(r_n, np.array([0.8, 0.2, 300.0])))
+    v_n = np.tile([1.2, 0.0, 0.0], (len(t), 1))
+    cov = np.tile(1e-4 * np.eye(3), (len(t), 1, 1))
+    g = GnssSeries(t, llh, cov, v_n=v_n, cov_v_n=cov)
+    assert contradictions(g) == []
+    (note,) = contradictions(moved(g, np.where(t[:, None] > 150.0, [0.0, 30.0, 0.0], 0.0)))
+    assert "jump against their own velocities at 1 of 59 steps" in note
+
+
 @pytest.mark.parametrize("late", [0.4, -0.3])
 def test_late_velocities_are_noticed_and_put_right(recording, late):
     """Exact positions tell the lateness to a hundredth of a second; with it configured errors are those without it."""

@@ -18,6 +18,7 @@ SLOW_LEFT = "GNSS positions seem to have a slow error that their accuracies leav
 
 _MOVING = 1.0  # speed from which a direction means something [m/s]
 _PAIRS = 20  # fewer do not convict
+_BETWEEN = 2.0  # acceleration between two fixes that neither velocity shows [m/s^2]
 _ACCELERATION = 20.0  # of a vehicle whose velocity is not measured, at most [m/s^2]
 _MEDIAN_1D, _MEDIAN_2D = 0.6745, 1.1774  # of the size of normal errors of one and two components, in sigmas
 _ALONE = 1.5  # a single fix is off its neighbours' line twice as far as they seem off theirs, because of it
@@ -186,7 +187,9 @@ def contradictions(gnss: GnssSeries, *, delay: float = 0.0, used: bool = True) -
     gap = np.linalg.norm((r_n - by_v)[:, :2], axis=1)
     allowed = 6.0 * np.hypot(np.hypot(sigma_r[1:], sigma_r[:-1]), dt * np.hypot(sigma_v[1:], sigma_v[:-1]))
     # a turn between fixes: the trapezoid misses a' dt^3 / 12, a fifth of the change of velocity is far above it
-    allowed += 0.5 + 0.2 * dt * np.linalg.norm(np.diff(gnss.v_n, axis=0)[:, :2], axis=1) + late
+    allowed += 0.2 * dt * np.linalg.norm(np.diff(gnss.v_n, axis=0)[:, :2], axis=1) + late
+    # and what leaves no change of velocity: an acceleration for half the time, and back
+    allowed += 0.25 * _BETWEEN * np.maximum(dt, 1.0) ** 2
     jump = np.flatnonzero(unbroken & (gap > allowed))
     if len(jump):
         worst = int(jump[np.argmax(gap[jump])])

@@ -110,11 +110,12 @@ _SPELLINGS = {
     "kph": "km/h", "kmh": "km/h",
     "knots": "kn", "knot": "kn", "gal": "cm/s^2", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad",
     "celsius": "degC", "µg": "ug", "μg": "ug", "µs": "us", "μs": "us", "µrad": "urad", "μrad": "urad", "°": "deg",
-    "°C": "degC", "C": "degC", "mps": "m/s", "mps2": "m/s^2", "arcs": "arcsec", "microg": "ug", "mgal": "mGal",
+    "°C": "degC", "℃": "degC", "C": "degC", "mps": "m/s", "mps2": "m/s^2", "arcs": "arcsec", "microg": "ug",
+    "mgal": "mGal",
     "ut": "uT", "µt": "uT", "μt": "uT", "nt": "nT", "tesla": "T", "microtesla": "uT", "nanotesla": "nT",
     "milligauss": "mgauss", "gs": "gauss",
 }  # fmt: skip
-_TOKEN = re.compile(r"\s*(sqrt\(|√\(?|\(|\)|\*|·|/|\^-?\d+|²|³|°C|[A-Za-zµμ°%]+\d?(?![\w^])|[A-Za-zµμ°%]+|1)")
+_TOKEN = re.compile(r"\s*(sqrt\(|√\(?|\(|\)|\*|·|/|\^-?\d+|²|³|°C|[A-Za-zµμ°℃%]+\d?(?![\w^])|[A-Za-zµμ°℃%]+|1)")
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,9 @@ _TRUTH = re.compile(r"truth|reference|ground|(^|[_-])(gt|ref)([_-]|$)", re.IGNOR
 _NO_LOGS = (".md", ".json", ".yaml", ".yml", ".toml", ".html", ".tag", ".png", ".jpg", ".pdf", ".py", ".rst")
 _ARRAYS = (".npy", ".npz", ".mat")
 HALVES = ("accel", "gyro")
+_MOST_DEG = 180.0
+#: Factors of a u-blox receiver's whole numbers (NAV-PVT): degrees, metres, metres a second.
+_UBLOX = {"lat": 1e-7, "lon": 1e-7, "h": 1e-3, "speed": 1e-3, "course": 1e-5, "heading": 1e-5}
 _SPEED_SIGMA = 0.1  # of wheels that do not say theirs [m/s]
 _CLAIM, _LEAST_CLAIM_M = 3.0, 0.02  # 1-sigma of positions over their scatter, in which slow errors do not show
 #: Origin of a local frame that nobody stated: gravity is within 0.03 m/s^2 of that anywhere at sea level.
@@ -222,6 +225,8 @@ def _folder(log: Path, names: list[str], given: Mapping[str, Any]) -> Files:
         if len(wholes) > 1:
             raise InputError(f"{log}: expected the files of one run, got {', '.join(wholes)}: give one of them")
         return Files(log / wholes[0], dict(given))
+    if len(wholes) == 1 and not {"imu", *HALVES} & set(candidates) and "imu" not in meant:
+        candidates["imu"] = [(True, wholes[0], {"file": wholes[0]}, [])]  # a log of inertial units beside the fixes
     for part, name in meant.items():
         rivals = [f for f in candidates.get(part, []) if f[1] == name]
         candidates[part] = rivals or [(True, name, {"file": name}, [])]
@@ -330,6 +335,10 @@ def _table(path: Path, section: str, part: str | None) -> tuple[dict[str, Any] |
         decisions.append(Decision(f"{section}.columns", match[0], match[1]))
     if part not in (None, "imu"):
         entry, decisions = _clock(path, section)
+        if part == "gnss" and (scale := _whole_units(path)):
+            entry["scale"] = scale
+            why = "whole numbers beyond 180: u-blox's units, 1e-7 deg, mm, mm/s and 1e-5 deg"
+            decisions.append(Decision(f"{section}.scale", scale, why))
         accuracy, more = ({}, []) if section.endswith("reference") else _accuracy(path, section, part)
         return entry | accuracy, decisions + more
     names, stated = _layout(path, entry.get("columns")) if path.suffix.lower() not in _ARRAYS else (
@@ -391,6 +400,18 @@ def _clock(path: Path, section: str) -> tuple[dict[str, Any], list[Decision]]:
     entry = {"time": "unix"} | ({} if unit == "s" else {"units": f"t={unit}"})
     why = f"stamps of {t[0]:.6g} {unit} are of this century"
     return entry, [Decision(f"{section}.{name}", value, why) for name, value in entry.items()]
+
+
+def _whole_units(path: Path) -> str:
+    """Hint ``scale`` of fixes in whole numbers, as a u-blox receiver has them; empty if they are none."""
+    names, stated = _layout(path, None)
+    if not {"lat", "lon"} <= set(names) or {"lat", "lon"} & stated:
+        return ""
+    values = {name: tables.column(path, names.index(name)) for name in _UBLOX if name in names and name not in stated}
+    whole = {name: x for name, x in values.items() if x is not None and len(x) and (x == np.round(x)).all()}
+    if not {"lat", "lon"} <= set(whole) or max(np.abs(whole["lat"]).max(), np.abs(whole["lon"]).max()) <= _MOST_DEG:
+        return ""
+    return ",".join(f"{name}={_UBLOX[name]:g}" for name in whole)
 
 
 def _dated(section: str, t: FloatArray, unit: str) -> tuple[dict[str, Any], list[Decision]]:

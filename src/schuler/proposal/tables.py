@@ -240,15 +240,17 @@ def _numbers(path: Path, needed: Sequence[int] | None = None) -> FloatArray | No
         opening = text_head.open_text(path, ReadHints())
     except SchulerError:
         return None
-    rows: list[list[str]] = []
     width = len(opening.fields)
+    used = list(range(width)) if needed is None else [k for k in needed if 0 <= k < width]
+    rows: list[list[str]] = []
     for _, fields in itertools.islice(opening.table.rows(), _ROWS):
         if len(fields) == width:
-            row = [_seconds(field) for field in fields] if any(map(_is_stamp, fields)) else fields
-            rows.append([field or "nan" for field in row])
-    rows = [row for row in rows if all(map(lines.is_value, row))]
+            row = ["nan"] * width  # words in a column that is not needed say nothing of the others
+            for k in used:
+                row[k] = (_seconds(fields[k]) if _is_stamp(fields[k]) else fields[k]) or "nan"
+            rows.append(row)
+    rows = [row for row in rows if all(lines.is_value(row[k]) for k in used)]
     values = np.array(rows, dtype=np.float64) if rows else np.empty((0, width))
-    used = np.arange(width) if needed is None else np.array([k for k in needed if 0 <= k < width], dtype=int)
     return values[np.isfinite(values[:, used]).all(axis=1)]
 
 

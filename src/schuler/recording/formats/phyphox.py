@@ -54,7 +54,8 @@ def sniff(head: bytes, path: Path) -> bool:
 
 def sniff_folder(path: Path) -> bool:
     """Whether a folder has a table of rates as the app writes it."""
-    return any("gyroscope x" in _words(plain_text.head_of(p, _HEAD).decode("utf-8", "replace")) for p in _tables(path))
+    headers = (_words(plain_text.head_of(p, _HEAD).decode("utf-8", "replace")) for p in _tables(path))
+    return any(words[:1] == ("time",) and "gyroscope x" in words for words in headers)
 
 
 def holds(path: Path) -> tuple[str, ...]:

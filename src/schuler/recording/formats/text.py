@@ -26,6 +26,7 @@ OWN_MARK = "# schuler {"
 OWN_FAMILY = "schuler/csv"
 OWN_FORMAT = f"{OWN_FAMILY}/2"
 _BLANK = ("speed", "course", "sspeed", "heading", "q", "ns", *columns.DILUTION)  # a fix may be without
+_NO_HEIGHT = "gnss: no height stands beside the latitudes and longitudes, so that they are no fixes."
 _ONE_CLOCK = "are taken to run on one clock of unknown epoch."
 
 
@@ -116,13 +117,16 @@ def recognised_series(path: Path) -> tuple[str, ...]:
         "reference": {"x", "y", "z"},
     }
     held = _several(series) or (tuple(series) if len(series) == 1 else ())
-    return held if all(complete[name] <= set(names) for name in held) else ()
+    whole = tuple(name for name in held if complete[name] <= set(names))
+    return whole if whole[:1] == held[:1] else ()  # an IMU beside places without a height is one
 
 
 def _load(opening: Opening, hints: ReadHints) -> Raw:
     names, indices, stated, notes, negated = _layout(opening, hints)
     n_columns = len(opening.fields)
     beside = bool(_several(columns.series_of(names)))
+    if beside and hints.series == "imu" and "lat" in names and "h" not in names:
+        notes.append(_NO_HEIGHT)
     if beside and hints.series is not None:
         of_it = columns.BELONGS[hints.series] | ({"heading"} if hints.series == "gnss" else set())
         own = [k for k, name in enumerate(names) if name in of_it]
@@ -294,6 +298,7 @@ def _layout(opening: Opening, hints: ReadHints) -> tuple[list[str], list[int], d
         chosen = {spec.name: _find_header(opening, spec.source or "") for spec in specs}
     with_unit = {name: k for name, k in chosen.items() if name != "t" or _dated(opening, chosen) is None}
     stated = _stated_units(opening, hints, with_unit, notes) if fits else {}
+    chosen = {name: k for name, k in chosen.items() if name in with_unit or name == "t"}
     negated = {
         name
         for name, k in chosen.items()
@@ -378,9 +383,11 @@ def _find_header(opening: Opening, source: str) -> int:
 
 
 def _stated_units(opening: Opening, hints: ReadHints, chosen: dict[str, int], notes: list[str]) -> dict[str, str]:
+    """Units by column, in the header's words; a temperature whose unit is not known is taken out of ``chosen``."""
     assert opening.header is not None
     given = parse_units(hints.units, hints.kind)
     stated = {}
+    left_out: list[str] = []
     for name, k in chosen.items():
         unit = columns.unit_in(opening.header[1][k])
         group = columns.GROUP[name]
@@ -391,6 +398,10 @@ def _stated_units(opening: Opening, hints: ReadHints, chosen: dict[str, int], no
         except SchulerError as error:
             if group == "mag" and group not in given:
                 continue  # by its size
+            if name == "temp" and group not in given:
+                notes.append(f"The temperature was left out, whose unit is not known: {opening.header[1][k]}.")
+                left_out.append(name)
+                continue
             if group not in given:
                 raise FileFormatError(
                     f"column {opening.header[1][k]!r}: {error}; say units='{group}=...'",
@@ -400,6 +411,8 @@ def _stated_units(opening: Opening, hints: ReadHints, chosen: dict[str, int], no
             notes.append(f"The unit {unit!r} in the header of {name} was passed over for the stated {given[group]}.")
             continue
         stated[name] = unit
+    for name in left_out:
+        del chosen[name]
     return stated
 
 

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from typing import cast
 
 from schuler.exceptions import InputError
+from schuler.recording.io import header_words
 
 #: Group of columns that share a unit and a scale, to the quantity :func:`schuler.units.factor_for` checks.
 GROUP_QUANTITY = {
@@ -56,6 +57,12 @@ GROUP: dict[str, str | None] = {
 SKIPS = ("-", "_")
 #: Columns whose sign a ``-`` before the name changes.
 SIGNED = (*ACCEL, *GYRO, *MAG, *VELOCITY, *ECEF_VELOCITY, *EULER, *LOCAL, "heading", "lat", "lon", "speed")
+_CLOCK = ("t",)
+#: Columns that belong together where the words of a header tell them, and those that must be there.
+_SENSORS = (
+    (ACCEL, ACCEL), (GYRO, GYRO), (MAG, MAG), (("lat", "lon", "h", "speed", "course", *VELOCITY), ("lat", "lon")),
+    (_CLOCK, _CLOCK),
+)  # fmt: skip
 #: Stand for three columns where a name is mapped to an N x 3 array (MATLAB and NumPy files).
 TRIADS = {"accel": ACCEL, "gyro": GYRO, "mag": MAG}
 
@@ -107,9 +114,10 @@ _ENDINGS = {
     "knots": "kn", "m": "m", "degc": "degC", "c": "degC", "ut": "uT", "nt": "nT", "gauss": "gauss",
     "mgauss": "mgauss",
 }  # fmt: skip
+_NO_UNITS = ("", "wgs84", "txt")  # what apps write in brackets besides
 _LONGEST = 200  # characters of a name worth looking at
 _HUMP = re.compile(r"([a-z0-9])([A-Z])")
-_BRACKETED = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
+_BRACKETED = re.compile(r"^(.*?)\s*(?:\[\s*([^\]]*?)\s*\]|\(\s*([^)]*?)\s*\))\s*$")
 
 
 def recognise(header: str) -> tuple[str, str | None] | None:
@@ -149,7 +157,41 @@ def recognise_all(headers: Sequence[str]) -> list[tuple[str, str | None] | None]
     Notes
     -----
     A ``T`` beside another time is a temperature; ``datetime``, ``unix`` and the like are times where nothing else is.
+    Where no spelling that is known tells a sensor, the words of all fields together do
+    (:mod:`schuler.recording.io.header_words`).
     """
+    read = _recognised(headers)
+    texts = ["" if len(header) > _LONGEST else _text_and_unit(header)[0] for header in headers]
+    by_words = header_words.by_words(texts)
+    held = [None if column is None else column[0] for column in read]
+    for group, needed in _SENSORS:
+        named = {k: name for k, name in by_words.items() if name in group and held[k] in (None, *group)}
+        if not set(needed) <= set(named.values()):
+            continue
+        times = {name: held.count(name) for name in needed}
+        if set(times.values()) == {1} and not _better(group, named, held, texts):
+            if any(held[k] != name for k, name in named.items() if name in needed):
+                continue
+            named = {k: name for k, name in named.items() if name not in held}
+        elif group == _CLOCK and times["t"] > 1:
+            continue  # which is meant is to be asked
+        else:
+            read = [None if name in group else column for name, column in zip(held, read, strict=True)]
+        for k, name in named.items():
+            read[k] = (name, unit_in(headers[k]))
+        held = [None if column is None else column[0] for column in read]
+    return read
+
+
+def _better(group: Sequence[str], named: dict[int, str], held: Sequence[str | None], texts: Sequence[str]) -> bool:
+    """Whether columns named by their words are likelier than those named by spellings that are known."""
+    if group == ACCEL:
+        return any(header_words.is_g_force(texts[k]) for k in named)
+    return group == _CLOCK and header_words.is_foreign(header_words.words_of(texts[held.index("t")]))
+
+
+def _recognised(headers: Sequence[str]) -> list[tuple[str, str | None] | None]:
+    """Columns that fields of a header name by spellings that are known."""
     read = [recognise(header) for header in headers]
     times = [k for k, column in enumerate(read) if column is not None and column[0] == "t"]
     words = {k: headers[k].strip().strip("\"'") for k in times}
@@ -169,15 +211,20 @@ def unit_in(header: str) -> str | None:
     """Unit that a header field states, in brackets or as a known ending of a known name; ``None`` if there is none."""
     if len(header) > _LONGEST:
         return None
-    column = recognise(header)
-    return column[1] if column else _text_and_unit(header)[1]
+    if (column := recognise(header)) is not None:
+        return column[1]
+    text, unit = _text_and_unit(header)
+    return unit or header_words.time_unit(text)
 
 
 def _text_and_unit(header: str) -> tuple[str, str | None]:
     """A field of a header without quotes, and the unit in brackets behind it."""
     text = header.strip().strip("\"'")
     match = _BRACKETED.match(text)
-    return (text, None) if match is None else (match.group(1), match.group(2) or None)
+    unit = "" if match is None else match[2] or match[3] or ""
+    if match is None or unit.isdigit():
+        return text, None
+    return match[1], None if unit.lower() in _NO_UNITS else unit
 
 
 def _plain(text: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -13,11 +14,12 @@ import numpy as np
 from schuler.exceptions import FileFormatError, InputError, ReaderError, SchulerError
 from schuler.recording.io import columns, lines
 from schuler.recording.io.gnss_table import reference_from_gnss, with_truth_fixes
-from schuler.recording.io.hint_texts import SATELLITES, SERIES
+from schuler.recording.io.hint_texts import SATELLITES, SERIES, parse_time
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.possible import check_possible
 from schuler.recording.io.satellite_files import read_satellite_file
 from schuler.recording.recording import Recording
+from schuler.timebase import WEEK_S, TimeBase
 
 WRITERS = {
     ".parquet": "parquet",
@@ -30,6 +32,8 @@ WRITERS = {
 }
 LONGEST_S = 120.0  # processor time that any file may take, kernels compiled [s]
 _PER_BYTE_S = 1e-5  # and by its size; the slowest formats take a fiftieth of it [s]
+#: Formats of sensors with a clock of their own (``time="local"``).
+_OWN_CLOCKS = ("ardupilot", "phyphox", "px4", "sbg", "vectornav", "xsens")
 _MAGIC = {
     b"PAR1": "parquet",
     b"MATLAB 5.0": "matlab",
@@ -261,8 +265,7 @@ def _read_file(path: Path, hints: ReadHints, glonass_channels: Mapping[int, int]
     from schuler.recording.formats import matlab, numpy_files, parquet, rtklib, text
 
     if (module := _format_of(path, hints)) is not None:
-        recording: Recording = module.read(path, hints)
-        return recording
+        return _read_format(module, path, hints)
     head = lines.check_file(path)
     received = read_satellite_file(path, head, hints, glonass_channels)
     if received is not None:
@@ -282,6 +285,18 @@ def _read_file(path: Path, hints: ReadHints, glonass_channels: Mapping[int, int]
         "pos": rtklib.read_pos,
     }
     return readers.get(kind or "", text.read_text)(path, hints)
+
+
+def _read_format(module: ModuleType, path: Path, hints: ReadHints) -> Recording:
+    """Recording of a format; ``time="gps-tow:WEEK"`` says what a sensor's own clock means once ``offset`` is added."""
+    spec = parse_time(hints.time)
+    if spec.kind != "gps-tow" or module.__name__.rpartition(".")[2] not in _OWN_CLOCKS:
+        recording: Recording = module.read(path, hints)
+        return recording
+    recording = module.read(path, replace(hints, time="local"))
+    metadata = replace(recording.metadata, time=TimeBase("gps", spec.week * WEEK_S), options=hints.given())
+    note = f"The sensor's own clock was taken for seconds of GPS week {spec.week}, as the hint time says."
+    return replace(recording, metadata=metadata.noting(note))
 
 
 def _writer(kind: str) -> Any:

@@ -7,11 +7,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from schuler.exceptions import FileFormatError
+from schuler.exceptions import FileFormatError, SchulerError
 from schuler.recording.io import columns, dates, lines
 from schuler.recording.io.hint_texts import parse_columns
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import TextTable
+from schuler.units import parse_unit
 
 _COMMENTS = ("#", "%", "//")
 _BANNER = 20  # lines of words above the first numbers that a logger may write
@@ -43,6 +44,7 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
     comments: list[tuple[int, str]] = []
     first: int | None = None
     header: tuple[int, str] | None = None  # the last line of words above the numbers: those before it are a banner
+    units: list[str] = []
     with path.open(encoding=encoding, errors="replace", newline=None) as stream:
         for number, line in enumerate(itertools.islice(stream, hints.skip, None), hints.skip + 1):
             text = lines.decode(line.strip())
@@ -59,17 +61,24 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
                 table = replace(table, decimal=",")
                 fields = table.split(line)
             numeric = any(map(lines.is_number, fields)) or all(map(lines.is_value, fields))
-            above = table.split(header[1]) if header and any(map(columns.recognise, table.split(header[1]))) else []
+            if numeric and number <= _BANNER and len(fields) == 2 and not _is_entry(fields[0]):
+                numeric = False  # a setting and its value
+            above = table.split(header[1]) if header and _names_columns(table.split(header[1])) else []
             if hints.bad_lines and (len(fields) != (_width(hints) or len(above) or len(fields)) if numeric else above):
                 first = first or number  # a garbled line, as the one a log begins in the middle of; it is counted later
                 continue
             if numeric:
                 table = replace(table, first=first or number)
-                names = (header[0], table.split(header[1])) if header else _commented_header(table, comments, fields)
+                names = _header(table, header, fields) if header else _commented_header(table, comments, fields)
+                if units and names:
+                    names = names[0], [f"{name} [{unit}]" for name, unit in zip(names[1], units, strict=True)]
                 if table.decimal == "." and _has_decimal_commas(table, line, stream):
                     table = replace(table, decimal=",")
                 return Opening(table, tuple(comments), names, fields)
-            if header is not None and (number > _BANNER or any(map(columns.recognise, table.split(header[1])))):
+            if above and len(fields) == len(above) and _are_units(fields):
+                units = fields
+                continue
+            if header is not None and (number > _BANNER or above):
                 raise FileFormatError(
                     f"expected numbers below the header in line {header[0]}, got {lines.shorten(text)}: pass over the "
                     f"lines before the first numbers with skip=..., and name the columns, {EXAMPLE}",
@@ -82,6 +91,29 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
             f"there is a header ({lines.shorten(header[1])}) but no row of numbers below it", path, header[0]
         )
     raise FileFormatError("there are no rows of numbers" + (f" after skip={hints.skip}" if hints.skip else ""), path)
+
+
+def _names_columns(fields: list[str]) -> bool:
+    """Whether a line of words is a header: a field names a column, or all together name more than a time."""
+    together = columns.recognise_all(fields)
+    return any(map(columns.recognise, fields)) or any(column is not None and column[0] != "t" for column in together)
+
+
+def _is_entry(field: str) -> bool:
+    """Whether a field is one of a row: a number, nothing, or a date or time."""
+    return lines.is_value(field) or dates.is_date(field) or dates.is_clock(field) or dates.is_day(field)
+
+
+def _are_units(fields: list[str]) -> bool:
+    """Whether a line below a header states units: most of its fields are some."""
+    units = 0
+    for field in fields:
+        try:
+            parse_unit(field.strip("\"'[] "))
+        except SchulerError:
+            continue
+        units += 1
+    return 2 * units > len(fields)
 
 
 def _has_points(fields: Iterable[str]) -> bool:
@@ -102,14 +134,29 @@ def _width(hints: ReadHints) -> int | None:
 
 
 def columns_of(opening: Opening) -> list[tuple[str, str | None] | None]:
-    """What the header says of each column: name and unit, or None; a lone date is the time whatever it is called."""
-    read = [] if opening.header is None else columns.recognise_all(opening.header[1])
+    """What the header says of each column: name and unit, or None.
+
+    A lone date is the time whatever it is called, unless another column is surely it.
+    """
+    names = [] if opening.header is None else opening.header[1]
+    read = columns.recognise_all(names)
+    clock = next((k for k, column in enumerate(read) if column is not None and column[0] == "t"), None)
+    if clock is not None and columns.recognise(names[clock]) is None and columns.unit_in(names[clock]) is None:
+        dated = [k for k, field in enumerate(opening.fields) if dates.is_date(field)]
+        if len(dated) == 1 and len(read) == len(opening.fields) and read[dated[0]] is None:
+            read[clock] = None
     if len(read) == len(opening.fields) and not any(column is not None and column[0] == "t" for column in read):
         stamps = [k for k, field in enumerate(opening.fields) if dates.is_date(field)]
         stamps = stamps or [k for k, field in enumerate(opening.fields) if dates.is_clock(field)]
         if len(stamps) == 1 and read[stamps[0]] is None:
             read[stamps[0]] = ("t", None)
     return read
+
+
+def _header(table: TextTable, header: tuple[int, str], fields: list[str]) -> tuple[int, list[str]]:
+    """Names of a header's columns, of which one may have the mark of comments in it, such as ``Tick#``."""
+    names, whole = table.split(header[1]), replace(table, comment="\n").split(header[1])
+    return header[0], whole if len(names) != len(fields) == len(whole) else names
 
 
 def _commented_header(
@@ -119,7 +166,7 @@ def _commented_header(
     for number, text in reversed(comments):
         names = replace(table, comment="\n").split(text.lstrip("#%/ \t"))
         if len(names) == len(fields) and not any(map(lines.is_number, names)):
-            return (number, names) if any(map(columns.recognise, names)) else None
+            return (number, names) if _names_columns(names) else None
     return None
 
 

@@ -1,0 +1,167 @@
+"""Headers of several words, as apps and loggers write them: which column each is, told by all of a header.
+
+``accelerometerAccelerationX(G)`` beside ``motionUserAccelerationX(G)``, ``IMU_ATTI(0):gyroZ``, ``GPS_coord[1]``: the
+words tell the quantity and the axis, those left over tell one sensor of a table from another.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Sequence
+
+_HUMP = re.compile(r"([a-z0-9]{2})([A-Z])|([A-Z])([A-Z][a-z])")
+#: Quantities by the words that name them; the first word is that of a sensor, which counts more than a general one.
+_SENSORS = {
+    "a": ("acc", "accel", "accelerometer", "acceleration", "gforce", "gf"),
+    "g": ("gyr", "gyro", "gyroscope"),
+    "m": ("mag", "magn", "magnetometer"),
+}
+_GENERAL = {
+    "a": (("specific", "force"), ("g", "force")),
+    "g": (("rotation", "rate"), ("angular", "rate"), ("angular", "velocity")),
+}
+_AXES = {"x": 0, "y": 1, "z": 2}
+_PLACES = {
+    "lat": ("lat", "latitude"),
+    "lon": ("lon", "long", "lng", "longitude"),
+    "h": ("alt", "altitude", "height", "elevation"),
+    "speed": ("speed",),
+    "course": ("course", "heading", "bearing", "cog"),
+}
+_VELOCITY = {"n": "vn", "e": "ve", "d": "vd", "north": "vn", "east": "ve", "down": "vd"}
+_TIME = ("time", "timestamp", "cts", "clock", "millis", "micros")
+#: Words of a sensor or a receiver, which do not tell one from another of their kind.
+_RECEIVER = frozenset(("gps", "gnss", "location"))
+#: Words that tell nothing: of a speed over ground in two dimensions, of a place in two numbers, of the first receiver.
+_FILLERS = frozenset(("ground", "over", "2", "d", "coord", "0", "1"))
+#: Words that make another quantity of what they stand beside: motion without gravity, attitudes, claims, commands.
+_OTHERS = frozenset((
+    "linear", "user", "free", "gravity", "world", "earth", "global", "enu", "ned", "bias", "offset", "std", "sigma",
+    "stddev", "var", "variance", "err", "error", "sd", "composite", "norm", "total", "magnitude", "angle", "angles",
+    "euler", "roll", "pitch", "yaw", "cmd", "command", "setpoint", "target", "ref", "reference", "home", "accuracy",
+    "uncertainty", "dop", "hdop", "vdop", "pdop", "fix", "status", "temp", "temperature", "delta", "uncalibrated",
+    "vertical", "gt", "truth", "true", "ekf", "filtered", "estimated", "fused", "ins",
+))  # fmt: skip
+_TIME_UNITS = {"ms": "ms", "msec": "ms", "millis": "ms", "us": "us", "micros": "us", "ns": "ns", "s": "s", "sec": "s"}
+
+
+def words_of(text: str) -> list[str]:
+    """Words of a field without its unit, in lower case: ``gyroADC[0]`` is gyro, adc, 0."""
+    spaced = _HUMP.sub(lambda m: f"{m[1] or m[3]} {m[2] or m[4]}", text)
+    return [word for part in re.findall(r"[A-Za-z]+|\d+", spaced) if (word := part.lower())]
+
+
+def by_words(texts: Sequence[str]) -> dict[int, str]:
+    """Columns that the words of a header name, each at most once.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        Fields of the header without their units.
+
+    Returns
+    -------
+    dict of int to str
+        Short names by position. A triad is named where one sensor has all of its axes and no other is as likely, a
+        place where latitude and longitude are; what is left open is not named.
+    """
+    words = [words_of(text) for text in texts]
+    named: dict[int, str] = {}
+    for stem in "agm":
+        named |= _triad(words, stem)
+    named |= _fix(words)
+    clock = _clock(words)
+    return named if clock is None else named | {clock: "t"}
+
+
+def time_unit(text: str) -> str | None:
+    """Unit of a time that stands behind it in words, ``Time since start in ms``; None if there is none."""
+    words = words_of(text)
+    return _TIME_UNITS.get(words[-1]) if set(_TIME) & set(words[:-1]) else None
+
+
+def _triad(words: Sequence[list[str]], stem: str) -> dict[int, str]:
+    """Axes of the one sensor of a kind that has all three; the more telling its words, the likelier."""
+    families: defaultdict[tuple[str, ...], dict[int, int]] = defaultdict(dict)
+    for k, field in enumerate(words):
+        split = _sensor_and_axis(field, stem)
+        if split is not None and not _OTHERS & set(field):
+            families[split[0]].setdefault(split[1], k)
+    whole = {family: axes for family, axes in families.items() if len(axes) == 3}
+    likely = [axes for family, axes in whole.items() if _is_sensor(family, stem)] or list(whole.values())
+    if len(likely) != 1:
+        return {}
+    return {k: f"{stem}{'xyz'[axis]}" for axis, k in likely[0].items()}
+
+
+def _sensor_and_axis(field: list[str], stem: str) -> tuple[tuple[str, ...], int] | None:
+    """Words of a sensor of a kind without its axis, and the axis: a letter or a number behind them, or between."""
+    general = _GENERAL.get(stem, ())
+    for k in range(len(field) - 1, -1, -1):
+        word, rest = field[k], [*field[:k], *field[k + 1 :]]
+        joined = word[-1:] in _AXES and word[:-1] in _SENSORS[stem]
+        if joined:
+            return (*field[:k], word[:-1], *field[k + 1 :]), _AXES[word[-1]]
+        axis = _AXES.get(word, int(word) if word in ("0", "1", "2") and k == len(field) - 1 else None)
+        if axis is None:
+            continue
+        if set(_SENSORS[stem]) & set(rest) or any(set(phrase) <= set(rest) for phrase in general):
+            return tuple(rest), axis
+    return None
+
+
+def is_g_force(text: str) -> bool:
+    """Whether a field is of specific force in g by its words; apps write motion without gravity as ``ax`` beside it."""
+    words = words_of(text)
+    return {"g", "force"} <= set(words) or any(word in ("gforce", "gfx", "gfy", "gfz") for word in words)
+
+
+def is_foreign(words: Sequence[str]) -> bool:
+    """Whether words are of a receiver: its time is that of its fixes."""
+    return bool(_RECEIVER & set(words))
+
+
+def _is_sensor(family: tuple[str, ...], stem: str) -> bool:
+    return bool(set(_SENSORS[stem]) & set(family))
+
+
+def _fix(words: Sequence[list[str]]) -> dict[int, str]:
+    """Columns of the one receiver with a latitude and a longitude, and what else it has."""
+    families: defaultdict[frozenset[str], dict[str, int]] = defaultdict(dict)
+    for k, field in enumerate(words):
+        if _OTHERS & set(field):
+            continue
+        coordinate = {"coord 0": "lat", "coord 1": "lon"}.get(" ".join(field[-2:]))
+        for name, spelled in _PLACES.items():
+            if (coordinate == name) or set(spelled) & set(field):
+                rest = frozenset(field) - set(spelled) - _FILLERS
+                families[rest].setdefault(name, k)
+                break
+        else:
+            if field[-1:] and field[-1] in _VELOCITY and set(field) & {"vel", "velocity"}:
+                rest = frozenset(field) - {field[-1], "vel", "velocity"} - _FILLERS
+                families[rest].setdefault(_VELOCITY[field[-1]], k)
+    whole = {family: receiver for family, receiver in families.items() if {"lat", "lon"} <= set(receiver)}
+    likely = [family for family in whole if _RECEIVER & family] or list(whole)
+    if len(likely) != 1:
+        return {}
+    receiver = dict(whole[likely[0]])
+    # a height above the sea, or words of the receiver that only some of its columns have
+    for family, more in families.items():
+        if _RECEIVER & family and family - {"msl", "amsl", "sea", "level"} <= likely[0] | _RECEIVER:
+            receiver = more | receiver
+    return {k: name for name, k in receiver.items()}
+
+
+def _clock(words: Sequence[list[str]]) -> int | None:
+    """The likeliest time of an IMU's samples, None if two are as likely."""
+    scores: dict[int, int] = {}
+    for k, field in enumerate(words):
+        if set(_TIME) & set(field):
+            sensor = any(set(spelled) & set(field) for spelled in _SENSORS.values())
+            foreign = is_foreign(field) or bool({"heading", "utc", "local", "zone", "chip"} & set(field))
+            scores[k] = 2 * sensor - 3 * foreign - ("clock" in field and "time" not in field)
+    best = [k for k, score in scores.items() if score == max(scores.values())]
+    accel = [k for k in best if set(_SENSORS["a"]) & set(words[k])]  # of two sensors' the first
+    return best[0] if len(best) == 1 else accel[0] if len(accel) == 1 else None

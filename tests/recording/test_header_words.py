@@ -1,0 +1,110 @@
+"""Headers of apps and loggers: each column is told by the words of all, and what is another quantity is not taken."""
+
+import numpy as np
+import pytest
+
+from schuler import read
+from schuler.recording.io import columns, header_words
+
+SENSOR_LOG = (
+    "loggingTime(txt),locationTimestamp_since1970(s),locationLatitude(WGS84),locationLongitude(WGS84),"
+    "locationAltitude(m),locationSpeed(m/s),locationCourse(°),locationHorizontalAccuracy(m),"
+    "accelerometerTimestamp_sinceReboot(s),accelerometerAccelerationX(G),accelerometerAccelerationY(G),"
+    "accelerometerAccelerationZ(G),gyroTimestamp_sinceReboot(s),gyroRotationX(rad/s),gyroRotationY(rad/s),"
+    "gyroRotationZ(rad/s),motionRotationRateX(rad/s),motionRotationRateY(rad/s),motionRotationRateZ(rad/s),"
+    "motionUserAccelerationX(G),motionUserAccelerationY(G),motionUserAccelerationZ(G)"
+)
+ANDRO_SENSOR = (
+    "ACCELEROMETER X (m/s²);ACCELEROMETER Y (m/s²);ACCELEROMETER Z (m/s²);LINEAR ACCELERATION X (m/s²);"
+    "LINEAR ACCELERATION Y (m/s²);LINEAR ACCELERATION Z (m/s²);GYROSCOPE X (rad/s);GYROSCOPE Y (rad/s);"
+    "GYROSCOPE Z (rad/s);LOCATION Latitude : ;LOCATION Longitude : ;LOCATION Altitude ( m);"
+    "LOCATION Altitude-google ( m);LOCATION Speed ( Kmh);Time since start in ms "
+)
+BLACKBOX = "time (us), gyroADC[0], gyroADC[1], gyroADC[2], accSmooth[0], accSmooth[1], accSmooth[2], motor[0]"
+FLIGHT = (
+    "Clock:Tick#,Clock:offsetTime,IMU_ATTI(0):Longitude,IMU_ATTI(0):Latitude,IMU_ATTI(0):accelX,IMU_ATTI(0):accelY,"
+    "IMU_ATTI(0):accelZ,IMU_ATTI(0):accelComposite,IMU_ATTI(0):gyroX,IMU_ATTI(0):gyroY,IMU_ATTI(0):gyroZ,GPS(0):Long,"
+    "GPS(0):Lat,GPS(0):heightMSL,GPS(0):velN,GPS(0):velE,GPS(0):velD"
+)
+TRIADS = "ax ay az gx gy gz"
+
+
+def named(header, delimiter=","):
+    """Short names of a header by position, what is not known left out."""
+    read = columns.recognise_all(header.split(delimiter))
+    return {k: column[0] for k, column in enumerate(read) if column is not None}
+
+
+@pytest.mark.parametrize(
+    ("header", "delimiter", "at", "names"),
+    [
+        (SENSOR_LOG, ",", [2, 3, 4, 5, 6, 8, 9, 10, 11, 13, 14, 15], f"lat lon h speed course t {TRIADS}"),
+        (ANDRO_SENSOR, ";", [0, 1, 2, 6, 7, 8, 9, 10, 11, 13, 14], f"{TRIADS} lat lon h speed t"),
+        (BLACKBOX, ",", [0, 1, 2, 3, 4, 5, 6], "t gx gy gz ax ay az"),
+        ("time (us),GPS_fixType,GPS_coord[0],GPS_coord[1],GPS_altitude,GPS_speed (m/s)", ",", [0, 2, 3, 4, 5],
+         "t lat lon h speed"),
+        (FLIGHT, ",", [1, 4, 5, 6, 8, 9, 10, 11, 12, 13, 14, 15, 16], f"t {TRIADS} lon lat h vn ve vd"),
+        ("time,gFx,gFy,gFz,ax,ay,az,wx,wy,wz", ",", [0, 1, 2, 3, 7, 8, 9], f"t {TRIADS}"),
+        ("cts,Accelerometer (z) [m/s²],Accelerometer (x) [m/s²],Accelerometer (y) [m/s²]", ",", [0, 1, 2, 3],
+         "t az ax ay"),
+        ("rtcTime,gps_Time,gps_Lat,gps_Long,gps_Alt,gps_AltMSL,aX,aY,aZ,gX,gY,gZ", ",",
+         [0, 2, 3, 4, 6, 7, 8, 9, 10, 11], f"t lat lon h {TRIADS}"),
+        ("SampleTimeFine,FreeAcc_X,FreeAcc_Y,FreeAcc_Z,Acc_X,Acc_Y,Acc_Z,Gyr_X,Gyr_Y,Gyr_Z", ",",
+         [0, 4, 5, 6, 7, 8, 9], f"t {TRIADS}"),
+    ],
+)  # fmt: skip
+def test_words_tell_the_columns_of_a_header(header, delimiter, at, names):
+    assert named(header, delimiter) == dict(zip(at, names.split(), strict=True))
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "userAccelerationX,userAccelerationY,userAccelerationZ",  # without gravity
+        "accel_bias_x,accel_bias_y,accel_bias_z,gyro_std_x,gyro_std_y,gyro_std_z",
+        "device accelerometer x,device accelerometer y",  # an axis is missing
+        "front_gyro_raw_x,front_gyro_raw_y,front_gyro_raw_z,rear_gyro_raw_x,rear_gyro_raw_y,rear_gyro_raw_z",
+        "home_latitude,home_longitude",
+        "sensorLatitude",
+    ],
+)
+def test_other_quantities_and_two_sensors_of_a_kind_are_left_open(header):
+    assert not named(header)
+
+
+def test_a_spelling_that_is_known_stands_over_words():
+    assert named("ax,ay,az,device acc x,device acc y,device acc z,time,packet time") == {
+        0: "ax", 1: "ay", 2: "az", 6: "t",
+    }  # fmt: skip
+
+
+def test_units_stand_in_brackets_behind_a_time_or_below_the_header():
+    assert columns.unit_in("Time since start in ms ") == "ms"
+    assert columns.unit_in("Accelerometer (z) [m/s²]") == "m/s²"
+    assert columns.unit_in("Accel_X_CAL [m/(s^2)]") == "m/(s^2)"
+    assert columns.unit_in("gyroADC[0]") is None
+    assert columns.unit_in("locationLatitude(WGS84)") is None
+    assert header_words.time_unit("rise in s") is None
+
+
+def test_a_log_states_its_units_in_a_line_of_their_own_below_settings(tmp_path):
+    t = 1e3 * np.arange(50.0) / 50.0
+    rows = "".join(f"{x:.1f}\t9.8\t0.0\t1.0\t90.0\t0.0\t0.0\t17 V\n" for x in t)
+    stem = "Unit_5E6D"
+    names = [f"{stem}_Timestamp", *(f"{stem}_{s}_{c}_CAL" for s in ("Accel_WR", "Gyro") for c in "XYZ"), "Battery"]
+    units = ["ms", *["m/(s^2)"] * 3, *["deg/s"] * 3, "none"]
+    log = tmp_path / "log.csv"
+    log.write_text('"sep=\t"\nLaps\t1\n' + "\t".join(names) + "\n" + "\t".join(units) + "\n" + rows)
+    imu = read(log).need_imu()
+    np.testing.assert_allclose(imu.t[-1], 0.98, atol=1e-12)  # rounding
+    np.testing.assert_allclose(imu.gyro[:, 0], np.pi / 2.0, atol=1e-12)  # rounding
+    np.testing.assert_allclose(imu.accel[0], [9.8, 0.0, 1.0], atol=1e-12)
+
+
+def test_a_temperature_of_no_known_unit_is_left_out_and_said(tmp_path):
+    log = tmp_path / "log.csv"
+    rows = "".join(f"{k / 50:.2f},0.0,0.0,-9.8,0.0,0.0,0.0,31.2\n" for k in range(50))
+    log.write_text("t (s),ax (m/s^2),ay (m/s^2),az (m/s^2),gx (rad/s),gy (rad/s),gz (rad/s),T(°)\n" + rows)
+    recording = read(log)
+    assert recording.need_imu().temperature is None
+    assert any("temperature was left out" in note and "T(°)" in note for note in recording.metadata.notes)

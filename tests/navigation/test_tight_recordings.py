@@ -97,6 +97,7 @@ def test_walk_smoothed_is_calmer(walk):
     assert np.abs(np.diff(e, axis=0)).max() < 0.1  # no steps at all: RTK's own are the largest
 
 
+CYCLE = 299_792_458.0 / 1.57542e9
 CARRIERS = (("gnss.tight.carrier", "time-differenced"), ("gnss.tight.carrier_sigma_m", 0.007))
 
 
@@ -137,6 +138,24 @@ def test_walk_with_an_absurd_setting_says_so_and_does_not_run_away(walk, entry, 
     result, _, e = walk.run(*more, (entry, value))
     assert result.verdict.status != "ok"
     assert np.abs(e - np.median(e, axis=0))[:, :2].max() < largest
+
+
+@pytest.mark.parametrize(("noise", "slips_seen"), [(0.3, 0), ("log", 5)])
+def test_walk_with_one_satellite_finds_a_slip_of_a_cycle_by_a_clock_as_the_log_shows_it(walk, noise, slips_seen):
+    """A cycle in the middle of each of five windows of 8 s; a wide clock takes it in."""
+    start = walk.ranges.t[0]
+    middle = start + np.arange(34.0, 99.0, 16.0)
+    lone = limited(walk.ranges, 1, 1, tuple((t - 4.0, t + 4.0) for t in middle))
+    slips = np.zeros(len(lone))
+    for t in middle:
+        sat = lone.sat[lone.used & (np.abs(lone.t - t) < 0.01)]
+        slips += CYCLE * ((lone.sat == sat[0]) & (lone.t > t - 0.01))
+    slipped = replace(lone, carrier_range=lone.carrier_range + slips)
+    phases = walk.run(*CARRIERS, ("gnss.tight.clock_noise_m", noise), ranges=slipped)[0].innovations.of("carrier_phase")
+    inside = np.abs(phases.t[:, None] - middle).min(axis=1) < 4.0
+    rejected = phases.t[inside & (phases.status == 2)]
+    assert len(rejected) == slips_seen
+    np.testing.assert_allclose(rejected, middle[:slips_seen], atol=0.01)
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])

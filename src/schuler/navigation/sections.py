@@ -295,7 +295,10 @@ class TightSection(Section):
     integrity: bool = Field(True, description="snapshot fault detection and exclusion before the filter")
     min_satellites: Annotated[int, Field(ge=1)] = Field(1, description="epochs with fewer are left out")
     max_satellites: Annotated[int, Field(ge=1)] | None = Field(None, description="cut to the highest ones, for tests")
-    clock_noise_m: Positive = Field(0.3, description="white frequency noise, m per square root of a second")
+    clock_noise_m: Positive | Literal["log"] = Field(
+        0.3,
+        description="white frequency noise, m per square root of a second; log: as carriers and range rates show it",
+    )
     clock_drift_noise_m_s: Positive = Field(
         0.1, description="random walk of frequency, m/s per square root of a second"
     )
@@ -304,6 +307,12 @@ class TightSection(Section):
     range_sigma_scale: Positive = Field(1.0, description="factor on the 1-sigma values of pseudoranges")
     rate_sigma_scale: Positive = Field(1.0, description="factor on the 1-sigma values of range rates")
     system_noise_m: NonNegative = Field(0.01, description="wander between systems, m per square root of a second")
+
+    @model_validator(mode="after")
+    def _noise_by_carriers(self) -> TightSection:
+        if self.clock_noise_m == "log" and self.carrier == "off":
+            raise ValueError('clock_noise_m = "log" needs carrier phases: set carrier, or give a number')
+        return self
 
 
 class CorrelatedSection(Section):

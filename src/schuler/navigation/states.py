@@ -10,6 +10,7 @@ from schuler.exceptions import ConfigError
 from schuler.filtering.limits import MAX_STATES, MOST_CHANNELS
 from schuler.filtering.states import AMBIGUITIES, BLOCKS, CHANNELS, NAVIGATION, StateLayout, StateModel, layout_for
 from schuler.gnss.carrier import carrier_phases
+from schuler.gnss.clock_noise import clock_frequency_noise
 from schuler.gnss.ranges import Ranges
 from schuler.gnss.slow_errors import slow_channels
 from schuler.navigation.config import NavigationConfig
@@ -147,7 +148,11 @@ def aiding_models(config: NavigationConfig, ranges: Ranges | None) -> dict[str, 
             ranges,
             offset_sigma=tight.clock_sigma_m,
             drift_sigma=tight.clock_drift_sigma_m_s,
-            offset_noise=tight.clock_noise_m,
+            offset_noise=(
+                clock_frequency_noise(ranges, tight.carrier_sigma_m)
+                if tight.clock_noise_m == "log"
+                else tight.clock_noise_m
+            ),
             drift_noise=tight.clock_drift_noise_m_s,
             between_sigma=tight.clock_sigma_m,
             between_noise=tight.system_noise_m,

@@ -15,6 +15,7 @@ from schuler.filtering.states import CHANNELS, StateLayout
 from schuler.gnss.antennas import Antenna
 from schuler.gnss.carrier import carrier_changes
 from schuler.gnss.carrier_scale import check_carriers
+from schuler.gnss.clock_noise import clock_frequency_noise
 from schuler.gnss.cycle_slips import without_slips
 from schuler.gnss.differences import date, listed_messages
 from schuler.gnss.ephemerides import Ephemerides
@@ -104,6 +105,9 @@ def satellites(recording: Recording, config: NavigationConfig, notes: list[str])
         )
     if section.carrier != "off":
         ranges = with_whole_arcs(ranges, solution, section.carrier_sigma_m, notes)
+    if section.clock_noise_m == "log":
+        noise = clock_frequency_noise(ranges, section.carrier_sigma_m)
+        notes.append(f"the receiver's clock, by its carriers: white frequency noise of {noise:.2g} m per root second")
     kept = _kept(ranges, section.min_satellites, section.max_satellites)
     ranges = replace(ranges, reason=np.where(ranges.used & ~kept, 8, ranges.reason))
     return ranges, Points(solution, gnss_series(solution))

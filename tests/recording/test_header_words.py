@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from schuler import read
+from schuler.exceptions import InputError
 from schuler.recording.io import columns, header_words
 
 SENSOR_LOG = (
@@ -108,3 +109,14 @@ def test_a_temperature_of_no_known_unit_is_left_out_and_said(tmp_path):
     recording = read(log)
     assert recording.need_imu().temperature is None
     assert any("temperature was left out" in note and "T(°)" in note for note in recording.metadata.notes)
+
+
+def test_an_imu_beside_places_without_heights_is_read_alone_and_said(tmp_path):
+    log = tmp_path / "log.csv"
+    head = "time (s),gFx (g),gFy (g),gFz (g),wx (rad/s),wy (rad/s),wz (rad/s),Latitude,Longitude,Speed (m/s)\n"
+    log.write_text(head + "".join(f"{k / 50:.2f},0,0,-1.0,0,0,0,48.7,9.1,0.0\n" for k in range(50)))
+    recording = read(log)
+    assert recording.gnss is None
+    assert any("no height stands beside" in note for note in recording.metadata.notes)
+    with pytest.raises(InputError, match="h is missing"):
+        read(log, series="gnss", sigma="3,3,5")

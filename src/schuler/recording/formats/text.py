@@ -70,7 +70,10 @@ def tables(opening: Opening, hints: ReadHints) -> list[tuple[Raw, ReadHints]]:
     FileFormatError
         As :func:`read_text`.
     """
-    held = _several(columns.series_of(_layout(opening, hints)[0])) if hints.series is None else ()
+    names = _layout(opening, hints)[0]
+    held = _several(columns.series_of(names)) if hints.series is None else ()
+    if "gnss" in held and "h" not in names:
+        held = ("imu",)
     return [(_load(opening, own), own) for own in ([replace(hints, series=name) for name in held] or [hints])]
 
 

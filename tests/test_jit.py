@@ -405,22 +405,3 @@ def test_what_users_compile_is_compiled_as_numba_does():
     with pytest.raises(numba.core.errors.TypingError):
         impossible(1.5)
     assert parts() == before
-
-
-@pytest.mark.skipif(jit.PLAIN, reason="nothing is compiled")
-def test_variables_of_an_instruction_are_those_that_numba_lists():
-    """In the same order; a kernel with branches, loops, calls, tuples, keywords and stores."""
-    from numba.core import compiler, ir
-
-    from schuler.filtering.kernels.run import run_filter
-
-    blocks = compiler.run_frontend(run_filter.py_func).blocks
-    seen = 0
-    for block in blocks.values():
-        for statement in block.body:
-            parts = [statement, getattr(statement, "value", None)]
-            for part in (p for p in parts if isinstance(p, ir.Inst)):
-                inside = part._kws if isinstance(part, ir.Expr) else part.__dict__
-                assert jit._variables_of(part, inside) == part._rec_list_vars(inside)
-                seen += len(part._rec_list_vars(inside))
-    assert seen > 1000

@@ -157,8 +157,7 @@ def _quick_compilation(unrolled: bool) -> Iterator[None]:
     Python's search for cycles among the millions of objects that are made meanwhile, and soon freed, takes a sixth.
     """
     functions, codegen = cast(Any, numba.types.functions.BaseFunction), cast(Any, numba.core.codegen)
-    resolve, instruction = functions.get_call_type, _core.ir.Inst
-    recursive = getattr(instruction, "_rec_list_vars", None)  # a numba without it lists them in its own way
+    resolve = functions.get_call_type
 
     def call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
         if kws:
@@ -172,38 +171,14 @@ def _quick_compilation(unrolled: bool) -> Iterator[None]:
     with _core.compiler_lock.global_compiler_lock, _without_cycle_search():
         builder = None if unrolled else getattr(codegen, "create_pass_builder", None)  # a numba without it unrolls
         functions.get_call_type = call_type
-        if recursive is not None:
-            instruction._rec_list_vars = _variables_of
         if builder is not None:
             codegen.create_pass_builder = _passes_without_unrolling
         try:
             yield
         finally:
             functions.get_call_type = resolve
-            if recursive is not None:
-                instruction._rec_list_vars = recursive
             if builder is not None:
                 codegen.create_pass_builder = builder
-
-
-_kinds: dict[type, int] = {}  # of the parts of an instruction: nothing, variable, instruction, list, dictionary
-
-
-def _variables_of(self: Any, value: Any) -> list[Any]:
-    """Variables of an instruction in the order of its parts, as numba lists them, but for its looks at every type."""
-    variables: list[Any] = []
-    for part in value.values() if type(value) is dict else value if type(value) in (list, tuple) else (value,):
-        kind = _kinds.get(part.__class__)
-        if kind is None:
-            order: tuple[Any, ...] = (_core.ir.Var, _core.ir.Inst, (list, tuple), dict)
-            kind = _kinds[part.__class__] = next((k for k, of in enumerate(order, 1) if isinstance(part, of)), 0)
-        if kind == 1:
-            variables.append(part)
-        elif kind == 2:
-            variables += part.list_vars()
-        elif kind:
-            variables += _variables_of(self, part)
-    return variables
 
 
 @contextlib.contextmanager

@@ -11,6 +11,7 @@ from schuler import rotation, units
 from schuler.arrays import FloatArray
 from schuler.diagnosis.axes import changes, signed_permutations
 from schuler.diagnosis.result import Finding
+from schuler.recording.io.checks import largest
 from schuler.recording.series import ImuSeries
 from schuler.standstill.unscaled import UnscaledRests, unscaled_rests
 
@@ -132,10 +133,10 @@ def are_counts(gyro: FloatArray) -> bool:
     gyro : ndarray, shape (n, 3)
         As written.
     """
+    if not _LEAST_LARGE <= largest(gyro) <= _LARGEST_COUNT:
+        return False
     whole = np.round(gyro)
-    return bool(
-        np.all(np.abs(gyro - whole) <= 1e-9 * np.abs(whole)) and _LEAST_LARGE <= np.abs(gyro).max() <= _LARGEST_COUNT
-    )
+    return bool(np.all(np.abs(gyro - whole) <= 1e-9 * np.abs(whole)))
 
 
 def possible_units(imu: ImuSeries) -> tuple[list[str], str]:

@@ -128,18 +128,19 @@ class WindowMeans:
 
     def __init__(self, imu: ImuSeries) -> None:
         rates = imu.rates()
-        y = np.concatenate((rates.accel, rates.gyro), axis=1)
+        readings = (rates.accel, rates.gyro)
         dt = np.diff(rates.t)
         self.t = rates.t
-        self.origin = y.mean(axis=0)
-        self.sums = np.zeros_like(y)
+        self.origin = np.concatenate([x.mean(axis=0) for x in readings])
+        self.sums = np.zeros((len(self.t), 6))
         mid = self.sums[1:]  # all in place: of a day at 200 Hz each copy is 830 MB
-        if imu.kind == "rate":
-            np.add(y[1:], y[:-1], out=mid)
-            mid *= 0.5
-        else:  # an increment is the mean over the interval that ends at its stamp
-            mid[:] = y[1:]
-        del y
+        for x, out in zip(readings, (mid[:, :3], mid[:, 3:]), strict=True):
+            if imu.kind == "rate":
+                np.add(x[1:], x[:-1], out=out)
+                out *= 0.5
+            else:  # an increment is the mean over the interval that ends at its stamp
+                out[:] = x[1:]
+        del rates, readings, x
         mid -= self.origin
         mid *= dt[:, None]
         np.cumsum(mid, axis=0, out=mid)

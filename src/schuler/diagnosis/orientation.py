@@ -92,7 +92,7 @@ def _swings(imu: ImuSeries | None, means: WindowMeans, motion: Motion, lag: Lag)
         for x, s in zip(raw, slow, strict=True)
     ]
     w = rates.gyro - rates.gyro.mean(axis=0)
-    alike = float(np.sum(w[1:] * w[:-1]) / max(float(np.sum(w**2)), 1e-300))  # noise is not, from sample to sample
+    alike = float(np.vdot(w[1:], w[:-1]) / max(float(np.vdot(w, w)), 1e-300))  # noise is not, from sample to sample
     return min(ratio) > _SWING and alike > 0.5
 
 

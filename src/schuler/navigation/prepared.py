@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -45,6 +46,9 @@ class PreparedRun:
         Of a tightly coupled run.
     axes_covariance_b : ndarray, shape (3, 3)
         What is not known of the sensors' axes, see :func:`schuler.navigation.inputs.imu_axes.axes_covariance`. [rad^2]
+    headings : callable, optional
+        Start with the first heading found turned by an angle [rad], fairly unsure of it; None where the start has no
+        choice of headings.
     fixes_later_s : float
         Time by which GNSS fixes are taken later than their stamps; ``delay`` is what is left. [s]
     """
@@ -63,6 +67,7 @@ class PreparedRun:
     ranges: Ranges | None = field(default=None, repr=False)
     points: Points | None = field(default=None, repr=False)
     axes_covariance_b: FloatArray = field(default_factory=lambda: np.zeros((3, 3)), repr=False)
+    headings: Callable[[float], InitialState] | None = field(default=None, repr=False)
     fixes_later_s: float = 0.0
 
     def run(self, progress: Progress | None = None, *, keep_part: bool = False) -> ForwardRun:

@@ -36,7 +36,7 @@ from schuler.navigation.result import NavigationResult
 from schuler.navigation.start.alignment import advance_to_log_start, align, aligned_sentence, with_mount_in_heading
 from schuler.navigation.start.calibration import CalibrationStart, configured_start
 from schuler.navigation.start.carried import carried_starts
-from schuler.navigation.start.heading import judged_start, likeliest_start
+from schuler.navigation.start.heading import WIDTH, judged_start, likeliest_start
 from schuler.navigation.states import imu_spec, state_layout, white_noise_psd
 from schuler.navigation.tuning.automatic import supported_run
 from schuler.navigation.tuning.delay import delay_at_end, delay_note
@@ -203,6 +203,12 @@ def prepared_run(
             judged, method = likeliest_start(aligned, carried, prepared, finish)
         notes += [*sentences, aligned_sentence(judged, method, float(imu.t[0]))]
         prepared = replace(prepared, initial=finish(judged))
+        if aligned.source in ("course", "none"):
+
+            def turned(angle: float) -> InitialState:
+                return finish(aligned.at_heading(aligned.heading + angle, 2.0 * WIDTH))
+
+            prepared = replace(prepared, headings=turned)
     prepared = replace(prepared, notes=tuple(notes))
     return prepared if relative is None else with_integers(prepared, relative, config)
 

@@ -15,7 +15,7 @@ from schuler.navigation.run import navigate, prepared_run
 from schuler.navigation.tuning.likelihood import Residuals
 from schuler.navigation.tuning.noise import with_factors
 from schuler.navigation.tuning.search import proven
-from schuler.navigation.tuning.start import _expected_gain, unless_refuted, with_smoothed_start
+from schuler.navigation.tuning.start import expected_gain, unless_refuted, with_smoothed_start
 from schuler.navigation.tuning.tuning import too_few, tune
 from schuler.simulation.scenario import prepare_mission, simulate_mission
 
@@ -76,7 +76,8 @@ def test_noise_is_that_of_the_log_wherever_the_start_is_off(drive):
     one, other = (tune(started(drive, off, 8.0)) for off in (12.0, -12.0))
     assert one.better
     assert other.better
-    for name in ("gyro", "accel", "position"):
+    assert "position" not in one.factors  # right as stated
+    for name in ("gyro", "accel", "height"):
         low, high = one.intervals[name]
         assert low < other.factors[name] < high
         # a tenth of the width of the interval, which is statistical
@@ -125,8 +126,8 @@ def test_expected_gain_is_that_of_linear_measurements():
     off = np.linalg.solve(P, mean)  # of the start at zero from the best state
     won = log_evidence(y, mean, narrow) - log_evidence(y, np.zeros(n), P)
     error = 0.5 * (mean @ off + off @ np.linalg.solve(np.linalg.inv(narrow) + L, off))
-    assert won - error == pytest.approx(_expected_gain(P, narrow), abs=1e-8)  # rounding
-    assert abs(_expected_gain(P, P)) < 1e-9  # rounding: fixes that say nothing
+    assert won - error == pytest.approx(expected_gain(P, narrow), abs=1e-8)  # rounding
+    assert abs(expected_gain(P, P)) < 1e-9  # rounding: fixes that say nothing
 
 
 def test_noise_that_is_too_small_does_not_refute_a_start(drive):
@@ -138,11 +139,12 @@ def test_noise_that_is_too_small_does_not_refute_a_start(drive):
 
 @pytest.mark.parametrize("imu", [{"catalogue": "MPU-6000"}, STATED])
 def test_a_log_too_short_to_tune_is_begun_anew_too(drive, imu, monkeypatch):
-    wrong = with_factors(started(drive, 60.0, 3.0), {"gyro": 10.0, "accel": 10.0, "accel_down": 10.0})
+    wrong = with_factors(started(drive, 60.0, 20.0), {"gyro": 10.0, "accel": 10.0, "accel_down": 10.0})
     t = wrong.initial.nav.t
+    every_third = (wrong.schedule.t < t + 27.0) & (np.arange(len(wrong.schedule)) % 3 == 0)
     short = replace(
-        wrong, increments=wrong.increments.between(t - 1e-9, t + 12.0),
-        schedule=wrong.schedule.where(wrong.schedule.t < t + 12.0),
+        wrong, increments=wrong.increments.between(t - 1e-9, t + 27.0), schedule=wrong.schedule.where(every_third),
+        headings=None,
     )  # fmt: skip
     assert too_few(short)
     monkeypatch.setattr("schuler.navigation.run.prepared_run", lambda *_, **__: short)

@@ -17,6 +17,10 @@ _FACTOR = 20.0  # an idling engine makes ten times a good IMU's noise
 _MEANS_S = (0.0, 0.1, 0.5)  # single samples, and means, in which quantisation and vibration are small
 _WINDOW = 8  # second differences in a window
 _SHARE = 0.1  # of the windows, the quietest, that are looked at
+_MOST = 60.0  # factor on white noise that any budget may be wrong by: vibration makes at most 47 in the corpus ...
+# ... and that the scatter of samples may be exceeded by, since vibration sampled too slowly is not white: at most 1.5
+# in logs thinned to a third, where a wrong heading, clock or axis asks for 1.9 and more.
+_SCATTER = 1.75
 
 
 def noise_against_budget(imu: ImuSeries, spec: ImuSpec) -> list[str]:
@@ -46,6 +50,35 @@ def noise_against_budget(imu: ImuSeries, spec: ImuSpec) -> list[str]:
         if min(ratios) > _FACTOR:
             over.append(f"{name} {min(ratios):.0f} times")
     return [f"{NOISIER}: {', '.join(over)}"] if over else []
+
+
+def is_no_noise(imu: ImuSeries, psd: tuple[FloatArray, FloatArray], factors: tuple[float, float]) -> bool:
+    """Whether white noise so much larger than stated is more than the log scatters from sample to sample.
+
+    Vibration sampled without a filter before is noise of many times a data sheet's, and the log shows it; what a wrong
+    heading, axis or clock asks for is not in the log.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+    psd : tuple of ndarray, shape (3,)
+        Two-sided densities stated for gyroscopes [rad^2/s] and accelerometers [m^2/s^3].
+    factors : tuple of float
+        On the 1-sigma of both.
+
+    Notes
+    -----
+    Steps between samples of white noise of density ``q`` have the variance ``2 q / T``; turns and accelerations of the
+    vehicle are in the steps too, and small there.
+    """
+    if max(factors) <= _MOST:
+        return False
+    rates = imu.rates()
+    for x, q, factor in zip((rates.gyro, rates.accel), psd, factors, strict=True):
+        steps = max(float(np.mean(np.diff(axis) ** 2)) for axis in x.T)
+        if factor > _MOST and factor**2 * q.max() > _SCATTER**2 * 0.5 * steps * rates.interval:
+            return True
+    return False
 
 
 def _white_noise(x: FloatArray, dt: FloatArray | None, W: int) -> float:

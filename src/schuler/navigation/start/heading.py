@@ -25,19 +25,22 @@ from schuler.navigation.start.alignment import Start
 _JUDGED = (POSITION, VELOCITY, PSEUDORANGE, RANGE_RATE)
 _SPANS_S = (60.0, 120.0, 240.0)  # as much of the log is tried at first, and more while nothing is decided [s]
 _CIRCLE = 24  # headings of a full circle
-_WIDTH = np.pi / _CIRCLE  # 1-sigma of each [rad]
+#: 1-sigma of each. [rad]
+WIDTH = np.pi / _CIRCLE
 _UNSURE = 30.0 * units.DEG  # a given heading less sure than this is one of a circle
 _LOOSE = 45.0 * units.DEG  # 1-sigma with which a doubtful course counts among the headings of a circle [rad]
 _DECIDED = 20.0 * units.DEG  # spread of the headings that remain likely
-_CONVICTS = 10.0  # difference of log-likelihoods that overrules a course: chi-square of 20, one degree of freedom
-_CLEARLY = 0.4  # and its mean squares are so much smaller: errors of scale no state has turn headings by less
+#: Difference of log-likelihoods that overrules a course: chi-square of 20, one degree of freedom.
+CONVICTS = 10.0
+_CLEARLY = 0.4  # with mean squares so much smaller as well: errors of scale no state has turn headings by less
 _CARRIED = 2.0  # difference of log-likelihoods by which a start has to be likelier than one that a rest gave
 _ELSEWHERE = 45.0 * units.DEG  # a course this far off is looked for
 # Factors on the 1-sigma of the IMU's white noise and of fixes that headings are also tried with, where none fits the
 # noise as stated: errors too large for it break the filter down at headings that are right as well, and the likeliest
 # is then a matter of chance.
 _NOISIER = ((4.0, 1.0), (16.0, 1.0), (4.0, 4.0), (16.0, 4.0))
-_FITS = 1.5  # mean normalised innovation squared of a heading that fits
+#: Mean normalised innovation squared of a heading that fits.
+FITS = 1.5
 # Headings beside one that is given.
 _BESIDE = np.array([0.0, 20.0, -20.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0]) * units.DEG
 
@@ -63,7 +66,7 @@ def log_likelihood(
     Returns
     -------
     log_likelihood, mean_nis : float
-        -inf and inf for a start so wrong that its run breaks down.
+        -inf and inf for a start so wrong that its run breaks down: variances below zero, or no numbers.
     """
     t, schedule = initial.nav.t, prepared.schedule
     schedule = schedule.where(np.isin(schedule.kind, _JUDGED) & (schedule.t <= t + span_s))
@@ -75,10 +78,12 @@ def log_likelihood(
         options=replace(prepared.options, smoother=False, record_s=span_s, output_rate_hz=1.0),
     ).run()
     size = np.array([DIMENSIONS[int(k)] for k in schedule.kind])
-    used = np.isfinite(forward.nis) & (forward.variance[:, 0] > 0.0)
-    if not used.any():
-        return -np.inf, np.inf
+    used = np.isfinite(forward.nis) & (forward.variance[:, 0] != 0.0)
     own = np.arange(3) < size[used][:, None]
+    # what a run made of the fixes before it broke down is no evidence for it
+    broken = not np.isfinite(forward.r[-1]).all() or bool(np.any(own & (forward.variance[used] <= 0.0)))
+    if broken or not used.any():
+        return -np.inf, np.inf
     nis = forward.nis[used]
     squares = float((np.minimum(nis, np.abs(schedule.gate[used])) if gated else nis).sum())
     likelihood = -0.5 * (squares + float(np.log(np.where(own, forward.variance[used], 1.0)).sum()))
@@ -124,30 +129,30 @@ def judged_start(
     and its uncertainty, as a Gaussian sum would.
     """
     method = start.method
-    runs = [lambda state, span, run=run: log_likelihood(run, finish(state), span) for run in _noisier(prepared)]
+    runs = [lambda state, span, run=run: log_likelihood(run, finish(state), span) for run in noisier(prepared)]
     tried, stated = partial(_relative, start, runs), partial(_relative, start, runs[:1])
     if start.source == "gyrocompass" or not np.isin(prepared.schedule.kind, _JUDGED).any():
         return _as_it_is(start), method, []
-    if start.source == "course" and start.sigma < _WIDTH:
+    if start.source == "course" and start.sigma < WIDTH:
         apart = np.arange(0.0, 2.0 * np.pi - 1e-9, _ELSEWHERE)
-        relative, squares = stated(apart, [start.sigma, *[_WIDTH * 2.0] * (len(apart) - 1)], _SPANS_S[0])
+        relative, squares = stated(apart, [start.sigma, *[WIDTH * 2.0] * (len(apart) - 1)], _SPANS_S[0])
         best = int(np.argmax(relative))
-        if relative[0] > relative[best] - _CONVICTS or squares[best] > _CLEARLY * squares[0]:
+        if relative[0] > relative[best] - CONVICTS or squares[best] > _CLEARLY * squares[0]:
             return start.initial, method, []
         gated = [lambda state, span: log_likelihood(prepared, finish(state), span, gated=True)]
-        relative, _ = _relative(start, gated, apart[[0, best]], [start.sigma, _WIDTH * 2.0], _SPANS_S[0])
-        if relative[0] > -_CONVICTS:
+        relative, _ = _relative(start, gated, apart[[0, best]], [start.sigma, WIDTH * 2.0], _SPANS_S[0])
+        if relative[0] > -CONVICTS:
             return start.initial, method, []
     elif start.source == "given" and start.sigma < _UNSURE:
-        relative, _ = tried(_BESIDE, [start.sigma, *[_WIDTH * 2.0] * (len(_BESIDE) - 1)], _SPANS_S[0])
+        relative, _ = tried(_BESIDE, [start.sigma, *[WIDTH * 2.0] * (len(_BESIDE) - 1)], _SPANS_S[0])
         best = int(np.argmax(relative))
-        return start.initial, method, [_contradiction(_BESIDE[best])] if relative[0] < -_CONVICTS else []
+        return start.initial, method, [_contradiction(_BESIDE[best])] if relative[0] < -CONVICTS else []
     apart = np.arange(_CIRCLE) * 2.0 * np.pi / _CIRCLE
     prior = np.zeros(_CIRCLE)
     if start.source != "none":
         prior = -0.5 * (np.asarray(frames.wrap_angle(apart)) / max(start.sigma, _LOOSE)) ** 2
     for span in _SPANS_S:
-        relative = prior + tried(apart, [_WIDTH] * _CIRCLE, span)[0]
+        relative = prior + tried(apart, [WIDTH] * _CIRCLE, span)[0]
         weight = np.exp(relative - relative.max())
         weight /= weight.sum()
         mean = float(np.angle(weight @ np.exp(1j * apart)))
@@ -156,7 +161,7 @@ def judged_start(
             break
     if spread >= _DECIDED:
         return _undecided(start, span)
-    heading, sigma = start.heading + mean, float(np.hypot(spread, _WIDTH))
+    heading, sigma = start.heading + mean, float(np.hypot(spread, WIDTH))
     off = abs(float(frames.wrap_angle(mean))) / units.DEG
     if start.source == "course" and off * units.DEG < 2.0 * start.sigma and sigma > 0.8 * start.sigma:
         return start.initial, method, []
@@ -254,14 +259,14 @@ def _relative(
             if result[0] > likelihood[i]:
                 likelihood[i], squares[i] = result
         best = int(np.argmax(likelihood))
-        if squares[best] < _FITS:
+        if squares[best] < FITS:
             break
     if not np.isfinite(likelihood).any():
         return np.zeros(len(apart)), squares
     return (likelihood - likelihood[best]) / max(squares[best], 1.0), squares
 
 
-def _noisier(prepared: PreparedRun) -> list[PreparedRun]:
+def noisier(prepared: PreparedRun) -> list[PreparedRun]:
     """The run as it is, and with noise of its IMU and fixes multiplied."""
     (gyro, accel), schedule = prepared.psd, prepared.schedule
     fix = np.isin(schedule.kind, _JUDGED)[:, None, None]

@@ -19,6 +19,7 @@ from schuler.navigation.tuning.delay import (
     with_delay,
 )
 from schuler.navigation.tuning.entries import tuned_configuration
+from schuler.navigation.tuning.headings import fitting_turn, turn_note, with_turn
 from schuler.navigation.tuning.lever import LEVER_ESTIMATED, has_lever, with_lever
 from schuler.navigation.tuning.search import proven
 from schuler.navigation.tuning.start import unless_refuted
@@ -58,23 +59,33 @@ def supported_run(config: NavigationConfig, prepare: Prepare, *, aligned: bool) 
     -----
     A time offset of fixes is tried first: noise tuned without it takes it in. It stays if it is far from zero beside
     the noise tuned with it. Noise that is stated stays; an offset is estimated beside it where innovations contradict
-    the noise without the offset and no longer do with it: then it was the offset that did.
+    the noise without the offset and no longer do with it: then it was the offset that did. A start whose heading no
+    noise explains begins at another that does, if there is one, before any of this,
+    unless noise is stated.
     """
     plain = Supported(config, prepare(config, 0.0), [])
     if config.filter.tune is False:
         return plain
-    doubted = config.filter.tune is True or contradicted(plain.run)
+    own_start = aligned and config.alignment.method != "given"
     stated = config.filter.tune == "auto" and config.noise_is_stated
+    if own_start and not stated and (other := fitting_turn(plain.run)) is not None:
+        prepare = partial(_prepared_at, prepare, other[0])
+        plain = Supported(config, prepare(config, 0.0), [turn_note(*other)])
+    doubted = config.filter.tune is True or contradicted(plain.run)
     if stated and not doubted:
         return plain
-    own_start = aligned and config.alignment.method != "given"
     if aligned and (late := _with_delay(plain, prepare, doubted, own_start)) is not None:
         return late
     if stated:
-        return plain._replace(notes=[STATED_NOISE, *slow_error_beside_stated(plain.run)])
+        return plain._replace(notes=[*plain.notes, STATED_NOISE, *slow_error_beside_stated(plain.run)])
     if doubted:
         plain = _tuned(plain, prepare, aligned)
     return _from_supported_start(plain) if own_start and (doubted or too_few(plain.run)) else plain
+
+
+def _prepared_at(prepare: Prepare, turn: float, config: NavigationConfig, fixes_later_s: float) -> PreparedRun:
+    """A run made ready, from the smoothed start at its heading turned. [rad]"""
+    return with_turn(prepare(config, fixes_later_s), turn)
 
 
 def _with_delay(plain: Supported, prepare: Prepare, doubted: bool, own_start: bool) -> Supported | None:

@@ -19,7 +19,7 @@ TUNING_KINDS = (POSITION, VELOCITY, PSEUDORANGE, RANGE_RATE)
 
 _ACROSS, _DOWN, _ALL = (1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 1.0)
 #: Terms that scale the covariance of measurements: kind, and the components they act on.
-_MEASURED = {
+MEASURED = {
     "position": (POSITION, _ACROSS),
     "height": (POSITION, _DOWN),
     "velocity": (VELOCITY, _ACROSS),
@@ -36,7 +36,7 @@ _WANDER = {"gyro_bias": ("b_g_run", "b_g"), "accel_bias": ("b_a_run", "b_a")}
 #: Factor on the sigma of a slow error of positions, which a run has only where it is recognised.
 SLOW = "slow"
 #: All terms, in the order of tables.
-TERMS = (*WHITE, *_WANDER, *_MEASURED)
+TERMS = (*WHITE, *_WANDER, *MEASURED)
 
 _UNSTATED = 1e5  # a larger sigma says that a component was not measured [m, m/s]
 _TYPICAL = 0.03 / np.sqrt(300.0)  # wander of a bias whose budget states none, per turn-on sigma [1/sqrt(s)]
@@ -48,7 +48,7 @@ def terms_of(prepared: PreparedRun) -> tuple[str, ...]:
     sigma = np.sqrt(np.einsum("nii->ni", schedule.R))
     present = [name for name, triad in WHITE.items() if prepared.psd[triad].max() > 0.0]
     present += [name for name in _WANDER if wandering(prepared.layout, name) is not None]
-    for name, (kind, components) in _MEASURED.items():
+    for name, (kind, components) in MEASURED.items():
         if kind == POSITION and prepared.ranges is not None:
             continue  # by carriers with held integers: a factor by component would turn the directions they measure
         column = int(np.argmax(components))
@@ -121,7 +121,7 @@ def with_factors(prepared: PreparedRun, factors: Mapping[str, float]) -> Prepare
 def component_factors(kind: IntArray, factors: Mapping[str, float]) -> FloatArray:
     """Factors on the 1-sigma values of each component of measurements. Shape (m, 3)."""
     D = np.ones((len(kind), 3))
-    for name, (code, components) in _MEASURED.items():
+    for name, (code, components) in MEASURED.items():
         if name in factors:
             D[kind == code] *= np.where(np.array(components) > 0.0, factors[name], 1.0)
     return D

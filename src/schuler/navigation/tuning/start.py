@@ -16,13 +16,15 @@ from schuler.navigation.start.heading import log_likelihood
 from schuler.navigation.tuning.likelihood import residuals_of, spacing_of, thinned, trials
 from schuler.navigation.tuning.noise import TUNING_KINDS, WHITE, with_factors
 
-_SPAN_S = 120.0  # of the log that places the start
-_JUDGED_S = 60.0  # and that refutes one
+#: Of the log that places the start. [s]
+SPAN_S = 120.0
+#: Of the log that refutes one. [s]
+JUDGED_S = 60.0
 _WIDER = 5.0  # factor on the smoothed 1-sigma, since fixes that are judged later are in it
 _SCALES = (1.0, 4.0, 16.0)  # factors on the IMU's white noise, of which the likeliest smooths
-# Log likelihood that a start loses beyond what its uncertainty costs: half a chi-square of 50, where right starts of 21
-# states lose 10.
-_REFUTED = 25.0
+#: Log likelihood that a start loses beyond what its uncertainty costs: half a chi-square of 50, where right starts of
+#: 21 states lose 10.
+REFUTED = 25.0
 
 
 def with_smoothed_start(prepared: PreparedRun) -> PreparedRun:
@@ -58,10 +60,10 @@ def with_smoothed_start(prepared: PreparedRun) -> PreparedRun:
     losses = [float(judge(run).scores().sum()) for run in noisy]
     best = int(np.argmin(np.nan_to_num(losses, nan=np.inf)))
     t = prepared.initial.nav.t
-    schedule = prepared.schedule.where(prepared.schedule.t <= t + _SPAN_S)
+    schedule = prepared.schedule.where(prepared.schedule.t <= t + SPAN_S)
     first = replace(
         noisy[best],
-        increments=prepared.increments.between(t - 1e-9, t + _SPAN_S),
+        increments=prepared.increments.between(t - 1e-9, t + SPAN_S),
         schedule=replace(schedule, gate=np.where(_fixes(schedule), np.inf, schedule.gate)),
         options=replace(prepared.options, lockout=0, adaptive=False, smoother=True, record_s=0.05, output_rate_hz=1.0),
     )
@@ -99,7 +101,7 @@ def unless_refuted(prepared: PreparedRun) -> tuple[PreparedRun, list[str]]:
 
     Notes
     -----
-    Fixes are likelier from a smoothed start always, since it knows them: by :func:`_expected_gain`, and half a
+    Fixes are likelier from a smoothed start always, since it knows them: by :func:`expected_gain`, and half a
     chi-square of as many degrees of freedom as the filter has states. A start that loses far more is wrong (the course
     of a multicopter is not its heading), or too uncertain for the filter to be linear (a gyroscope biased by degrees
     per second). Noise that is too small for the log does not refute: log likelihoods are divided by the mean normalised
@@ -112,20 +114,20 @@ def unless_refuted(prepared: PreparedRun) -> tuple[PreparedRun, list[str]]:
     # errors of fixes that come faster are alike
     kept = thinned(schedule, fixes, other.initial.nav.t, 1.0, 0.0, spacing_of(schedule, fixes))
     schedule = schedule.where(~fixes | kept)
-    likelihood, squares = log_likelihood(replace(other, schedule=schedule), other.initial, _JUDGED_S)
-    before, _ = log_likelihood(replace(prepared, schedule=schedule), prepared.initial, _JUDGED_S)
+    likelihood, squares = log_likelihood(replace(other, schedule=schedule), other.initial, JUDGED_S)
+    before, _ = log_likelihood(replace(prepared, schedule=schedule), prepared.initial, JUDGED_S)
     gain = (likelihood - before) / max(squares, 1.0)
-    if not gain > _REFUTED + _expected_gain(prepared.initial.P, other.initial.P):
+    if not gain > REFUTED + expected_gain(prepared.initial.P, other.initial.P):
         return prepared, []
     sentence = (
-        f"fixes of the first {_JUDGED_S:.0f} s refute the start (log likelihood {gain:+.0f} with another): the run "
-        f"begins with attitude, velocity and sensor errors that the first {_SPAN_S:.0f} s support, smoothed, "
+        f"fixes of the first {JUDGED_S:.0f} s refute the start (log likelihood {gain:+.0f} with another): the run "
+        f"begins with attitude, velocity and sensor errors that the first {SPAN_S:.0f} s support, smoothed, "
         f"{_WIDER:g} times as uncertain as smoothing leaves them"
     )
     return other, [sentence]
 
 
-def _expected_gain(P: FloatArray, narrow: FloatArray) -> float:
+def expected_gain(P: FloatArray, narrow: FloatArray) -> float:
     """Log likelihood that fixes gain in the mean when a right start of covariance P is replaced by the smoothed one.
 
     Parameters

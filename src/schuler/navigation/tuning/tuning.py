@@ -12,10 +12,11 @@ from schuler.arrays import BoolArray, FloatArray
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import KINDS, POSITION, RANGE_RATE, VELOCITY, MeasurementSchedule
 from schuler.navigation.inputs.gnss_faults import SLOW_LEFT
-from schuler.navigation.inputs.imu_noise import NO_NOISE
+from schuler.navigation.inputs.imu_noise import NO_NOISE, is_no_noise
 from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.tuning.likelihood import Residuals, epochs, halves, residuals_of, trials
 from schuler.navigation.tuning.noise import (
+    MEASURED,
     SLOW,
     TUNING_KINDS,
     WHITE,
@@ -31,7 +32,7 @@ from schuler.navigation.tuning.slow_search import ASKED, SHOWS, likeliest_slow_e
 from schuler.navigation.tuning.start import with_smoothed_start
 
 _LONGEST = 900.0  # of the log that is used [s]
-_FEWEST = 20  # epochs of fixes in each half
+_FEWEST = 10  # epochs of fixes in each half
 _OUTLIER = 25.0  # normalised innovation squared per component beyond which a fix is left out of the second search
 _T95 = 1.96
 _CONSISTENT = (0.7, 1.4)  # mean normalised innovation squared of a run that is left as it is
@@ -39,8 +40,6 @@ _CLEARLY_OFF = (0.5, 2.0)  # the same, beyond which stretches that differ are no
 _STILL = 0.5  # GNSS speed of what may stand [m/s]
 _CERTAIN = 3.0  # standard errors beyond that
 _JUDGES = 8  # fixes of a kind and spacing that judge
-# Factor on white noise of an IMU that no vibration makes: at most 47 in the corpus; a wrong heading asks for 67 to 900.
-_MOST = 60.0
 
 #: What a term is, for tables and notes.
 TERM_TEXT = {
@@ -91,6 +90,8 @@ class Tuning:
         Log likelihood by which a slow error of positions that is not taken leads the noise that is.
     vertical : int
         Axis of the accelerometers that ``accel_down`` is of, the one nearest to the vertical.
+    no_noise : bool
+        The IMU's white noise would be more than its log scatters: it is none, and stays as configured.
     """
 
     factors: dict[str, float]
@@ -107,6 +108,7 @@ class Tuning:
     ranges_slow: float = 1.0
     slow_lead: float = 0.0
     vertical: int = 2
+    no_noise: bool = False
 
     def sentences(self) -> list[str]:
         """Sentences for the notes of a run."""
@@ -115,10 +117,12 @@ class Tuning:
             f"log likelihood of the half of the fixes held back {self.gain:+.1f} +- {self.gain_sigma:.1f}, "
             f"their mean NIS {nis}"
         )
-        if (largest := _largest_white(self.factors)) > _MOST:
+        if self.no_noise:
+            largest = max(_white(self.factors))
             return [
-                f"{NO_NOISE}: it would have to be {largest:.2g} times as large as stated, and stays as it is; the "
-                "heading at the start, axes, mounting or clock are wrong, or the IMU is another than the one named"
+                f"{NO_NOISE}: it would have to be {largest:.2g} times as large as stated, more than the log scatters "
+                "from sample to sample, and stays as it is; the heading at the start, axes, mounting or clock are "
+                "wrong, or the IMU is another than the one named"
             ]
         left = slow_error_left(self.slow_lead)
         if not self.better:
@@ -151,7 +155,7 @@ class Tuning:
             f"fixes held back: log likelihood {self.gain:+.1f} +- {self.gain_sigma:.1f}; mean NIS "
             + ", ".join(f"{name} {self.nis_before[name]:.2f} -> {self.nis_after[name]:.2f}" for name in self.nis_after)
         )
-        if _largest_white(self.factors) > _MOST:
+        if self.no_noise:
             lines += [*self.sentences(), "nothing is written"]
         elif not self.better:
             lines.append("that is no better than configured: the configured noise stays, nothing is written")
@@ -204,9 +208,10 @@ def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
     Factors are chosen on every other fix by the likelihood of innovations over 1, 4 and 15 s
     (:mod:`~schuler.navigation.tuning.likelihood`) and checked on the fixes between, which are predicted and not used.
     If these are likelier by 8, and by two standard errors or so that their mean normalised innovation squared is within
-    0.7 to 1.4 now where it was not, all fixes refine the factors. The intervals hold the difference between both
-    choices. A slow error of positions is taken where fixes are likelier with it
-    (:func:`~schuler.navigation.tuning.slow_search.likeliest_slow_error`); sigmas of
+    0.7 to 1.4 now where it was not, all fixes refine the factors. A sigma of measurements that would be smaller than
+    stated stays as stated where the interval holds that: beside a noisy IMU fixes are believed however good they are
+    said to be. The intervals hold the difference between both choices. A slow error of positions is taken where fixes
+    are likelier with it (:func:`~schuler.navigation.tuning.slow_search.likeliest_slow_error`); sigmas of
     pseudoranges whose innovations stay with a satellite are enlarged first
     (:func:`~schuler.navigation.tuning.slow.range_factor`) and then left. All runs begin smoothed
     (:func:`~schuler.navigation.tuning.start.with_smoothed_start`).
@@ -244,11 +249,15 @@ def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
     gain, gain_sigma = gain_of(before, after)
     sure = slow or proven(before, after)
     sure = sure or (gain > LEAST_GAIN and _contradict(before) and not _contradict(after))
-    better = sure and _largest_white(half.factors) <= _MOST
+    better = sure and not is_no_noise(prepared.imu, prepared.psd, _white(half.factors))
     final = half
     if better:
         everything = residuals_of(trials(model, fixes & ~outlying))
         final = fit(model, everything, terms, start=half.factors, floors=floors, iterations=3)
+        unseen = _unseen(final, half)
+        if unseen:
+            terms = tuple(name for name in terms if name not in unseen)
+            final = fit(model, everything, terms, start=final.factors, floors=floors, iterations=3)
     factors, intervals = dict(final.factors), _intervals(final, half)
     if ranges_slow > 1.0:
         if not better:  # the slow errors are there all the same
@@ -257,11 +266,11 @@ def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
         factors["pseudorange"] = ranges_slow
         width = float(np.exp(_T95 * slow_spread))
         intervals["pseudorange"] = (ranges_slow / width, ranges_slow * width)
-    tuned = with_factors(model, final.factors)
+    tuned, no_noise = with_factors(model, final.factors), is_no_noise(prepared.imu, prepared.psd, _white(factors))
     return Tuning(
         factors=factors,
         intervals=intervals,
-        better=better and _largest_white(factors) <= _MOST,
+        better=better and not no_noise,
         gain=gain,
         gain_sigma=gain_sigma,
         nis_before={KINDS[k]: v for k, v in before.nis().items()},
@@ -273,6 +282,7 @@ def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
         ranges_slow=ranges_slow,
         slow_lead=0.0 if slow else lead,
         vertical=vertical_axis(prepared.imu),
+        no_noise=no_noise,
     )
 
 
@@ -282,9 +292,10 @@ def _slow_entries(prepared: PreparedRun) -> dict[str, float]:
     return {"position_sigma_m": float(f"{model.sigma:.3g}"), "position_tau_s": float(model.tau or 0.0)}
 
 
-def _largest_white(factors: Mapping[str, float]) -> float:
-    """Largest factor on the white noise of the IMU."""
-    return max((factors[name] for name in WHITE if name in factors), default=1.0)
+def _white(factors: Mapping[str, float]) -> tuple[float, float]:
+    """Largest factors on the white noise of gyroscopes and accelerometers."""
+    gyro, accel = (max(factors.get(name, 1.0) for name, k in WHITE.items() if k == triad) for triad in (0, 1))
+    return gyro, accel
 
 
 def contradicted(prepared: PreparedRun) -> bool:
@@ -377,16 +388,16 @@ def fixes_of(prepared: PreparedRun) -> BoolArray:
     return np.isin(prepared.schedule.kind, TUNING_KINDS) & (prepared.schedule.gate > 0.0)
 
 
-def first_part(prepared: PreparedRun) -> PreparedRun:
-    """The run cut to the longest stretch that tuning uses."""
+def first_part(prepared: PreparedRun, span_s: float = _LONGEST) -> PreparedRun:
+    """The run cut to its first so many seconds, by default the longest stretch that tuning uses."""
     start = prepared.initial.nav.t
-    if prepared.increments.t[-1] - start <= _LONGEST:
+    if prepared.increments.t[-1] - start <= span_s:
         return prepared
     schedule = prepared.schedule
     return replace(
         prepared,
-        increments=prepared.increments.between(prepared.increments.start, start + _LONGEST),
-        schedule=schedule.where(schedule.t <= start + _LONGEST),
+        increments=prepared.increments.between(prepared.increments.start, start + span_s),
+        schedule=schedule.where(schedule.t <= start + span_s),
     )
 
 
@@ -406,6 +417,12 @@ def _outliers(prepared: PreparedRun, fixes: BoolArray) -> BoolArray:
 def _contradict(residuals: Residuals) -> bool:
     """Whether the mean normalised innovation squared of a kind of fixes is not that of right noise."""
     return any(not _CONSISTENT[0] <= nis <= _CONSISTENT[1] for nis in residuals.nis().values())
+
+
+def _unseen(final: Fit, half: Fit) -> list[str]:
+    """Sigmas of measurements that would be smaller than stated although the log does not exclude the stated ones."""
+    intervals = _intervals(final, half)
+    return [name for name, factor in final.factors.items() if name in MEASURED and factor < 1.0 < intervals[name][1]]
 
 
 def _intervals(final: Fit, half: Fit) -> dict[str, tuple[float, float]]:

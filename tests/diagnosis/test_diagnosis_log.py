@@ -60,6 +60,19 @@ def test_repeated_and_swapped_rows(write, rows):
     assert diagnose_log(write(swapped), **HINTS).codes() == ("backward_times",)
 
 
+def test_stamps_of_repaired_rows_are_said_in_seconds(write, rows):
+    """Of a clock in milliseconds, as the header or a hint says: they were printed as they stand, as seconds."""
+    bad = rows.copy()
+    bad[[700, 701]] = bad[[701, 700]]
+    bad[900, 0] = bad[899, 0]
+    at = {"backward_times": bad[700, 0], "duplicates": bad[900, 0]}
+    bad[:, 0] *= 1e3
+    for finding in diagnose_log(write(bad), columns=HINTS["columns"], units="accel=m/s^2,gyro=rad/s,t=ms").findings:
+        if finding.code in at:
+            assert finding.evidence["at_s"] == pytest.approx(at.pop(finding.code), rel=1e-9)
+    assert not at
+
+
 def test_rows_without_numbers(write, rows):
     bad = rows.copy()
     bad[[30, 900], 2] = np.nan

@@ -14,6 +14,7 @@ from schuler.exceptions import FileFormatError
 from schuler.recording.formats import rtklib, text
 from schuler.recording.io import dispatch
 from schuler.recording.io.assemble import recording_from
+from schuler.recording.io.hint_texts import factor, parse_units
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import HUGE, Raw
 from schuler.recording.io.text_head import open_text
@@ -45,7 +46,8 @@ def repaired(path: Path, hints: ReadHints) -> tuple[Recording, list[Finding]]:
         for raw, own in text.tables(open_text(path, hints), hints):
             own_findings = _without_missing(raw)
             if "t" in raw.values:
-                own_findings += _in_order(raw)
+                unit = parse_units(own.units, own.kind).get("t") or raw.stated.get("t") or "s"
+                own_findings += _in_order(raw, factor(unit, "t", own.kind))
             if not all(map(len, raw.values.values())):
                 raise FileFormatError("no row is left without those that hold no number", path)
             parts.append(recording_from(raw, own))
@@ -70,7 +72,8 @@ def _without_missing(raw: Raw) -> list[Finding]:
     return [Finding("missing", "error", text_, 1.0, "fill or delete these rows", evidence)]
 
 
-def _in_order(raw: Raw) -> list[Finding]:
+def _in_order(raw: Raw, unit: float) -> list[Finding]:
+    """Sort rows by their stamps, in a unit of so many seconds, and leave repeated ones out."""
     t = raw.values["t"]
     findings = []
     step = np.diff(t)
@@ -79,11 +82,10 @@ def _in_order(raw: Raw) -> list[Finding]:
     if len(back):
         k = int(back[0])
         text_ = (
-            f"time stamps go back {len(back)} times, first after {t[k]:.6f} s (to {t[k + 1]:.6f} s): rows were "
-            f"swapped, two "
-            "runs were joined, or a counter wrapped around"
+            f"time stamps go back {len(back)} times, first after {unit * t[k]:.6f} s (to {unit * t[k + 1]:.6f} s): "
+            "rows were swapped, two runs were joined, or a counter wrapped around"
         )
-        evidence = {"times": len(back), "at_s": float(t[k]), "by_s": float(-step[k])}
+        evidence = {"times": len(back), "at_s": float(unit * t[k]), "by_s": float(-unit * step[k])}
         findings.append(Finding("backward_times", "error", text_, 1.0, "sort the log, or cut it there", evidence))
     order = np.argsort(t, kind="stable")
     _keep(raw, order)
@@ -95,12 +97,12 @@ def _in_order(raw: Raw) -> list[Finding]:
     if same:
         k = int(np.flatnonzero(~first)[0])
         text_ = (
-            f"{same} rows repeat the time of another one, first {t[k]:.6f} s: rows were written twice, or the "
+            f"{same} rows repeat the time of another one, first {unit * t[k]:.6f} s: rows were written twice, or the "
             f"clock is too "
             "coarse for the rate"
         )
         fix = "delete the repeated rows; or leave the stamps out and say rate=..."
-        findings.append(Finding("duplicates", "error", text_, 1.0, fix, {"rows": same, "at_s": float(t[k])}))
+        findings.append(Finding("duplicates", "error", text_, 1.0, fix, {"rows": same, "at_s": float(unit * t[k])}))
     _keep(raw, first)
     return findings
 

@@ -86,13 +86,13 @@ def test_an_attitude_claimed_as_its_axes_are_known_is_said_once(recording):
     """As the note of the batch run; without misalignment in the budget there is nothing to say."""
     part = recording.between(0.0, 40.0)
     imu = {name: {**triad, "misalignment_mrad": 20.0} for name, triad in cases.CONFIG["imu"].items()}
-    uncertain, latest = (live_run(part, {**cases.CONFIG, "imu": given}) for given in (imu, cases.CONFIG["imu"]))
-    for live in (uncertain, latest):
+    uncertain, exact = (live_run(part, {**cases.CONFIG, "imu": given}) for given in (imu, cases.CONFIG["imu"]))
+    for live in (uncertain, exact):
         cases.fed(live, part, block=50)
     (text,) = [text for text in texts(uncertain, "imu") if text.startswith(AXES_UNCERTAIN)]
     assert "budget states to 1.1 deg" in text
     assert uncertain.solution().sigma_psi_n.min() > 0.999 * 0.02
-    assert not texts(latest, "imu")
+    assert not texts(exact, "imu")
 
 
 def test_a_fix_later_than_the_lag_is_said_and_left_out(recording):

@@ -8,6 +8,7 @@ from benchmarks import loggers
 
 import schuler
 from schuler.proposal import files
+from schuler.proposal.decision import UndecidedError
 
 
 @pytest.mark.campaign
@@ -32,3 +33,11 @@ def test_whole_numbers_of_a_receiver_are_told_by_latitudes_that_no_place_has(tmp
     degrees = (tmp_path / "gps.csv").read_text().replace("487000000", "48.7")
     (tmp_path / "gps.csv").write_text("\n".join([degrees.splitlines()[0], *("1,48.7,9.1,300,1,9" for _ in rows)]))
     assert "scale" not in files.files_of([tmp_path], {}).entries["gnss"]
+
+
+def test_that_there_are_no_fixes_is_said_before_anything_is_asked(tmp_path):
+    head = "time (s),gFx (g),gFy (g),gFz (g),wx,wy,wz,Latitude,Longitude\n"
+    rows = "".join(f"{k / 50:.2f},0.0,{k % 3}e-3,-1.0,1e-3,{k % 5}e-3,0.0,48.7,9.1\n" for k in range(1500))
+    (tmp_path / "log.csv").write_text(head + rows)
+    with pytest.raises(UndecidedError, match="stand beside the IMU's columns, but no heights"):
+        schuler.propose(tmp_path, imu=loggers.IMU)

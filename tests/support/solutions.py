@@ -59,7 +59,7 @@ def solution(
     start = cases.start(case, layout, rng)
     psd = np.full(3, cases.GYRO_N**2), np.full(3, cases.ACCEL_N**2)
     with mock.patch.object(engine, "_CHUNK", 1000):
-        forward = engine.run(log, schedule, start, layout, *psd, options, interrupt)
+        forward = engine.run(log, schedule, start, layout, *psd, options, interrupt, keep_part=True)
     result = NavigationResult.from_run(
         forward, schedule.t, schedule.kind, layout, outages=tuple(outages), lever_arm_b=cases.LEVER, notes=NOTES,
         provenance={

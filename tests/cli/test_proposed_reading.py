@@ -67,10 +67,7 @@ def test_what_nothing_tells_is_one_question_in_options_of_the_command(tmp_path, 
 def test_options_of_the_command_line_stay_as_a_shell_takes_them(tmp_path, capsys):
     """`navigate` asks in --set, quoted once for the shell and once for TOML; entries of [recording] are spelt anew."""
     save(tmp_path / "rest.csv", [])
-    given = [
-        x for entry in ("method=given", "rpy_deg=[0,0,0]") for x in ("--set", f"alignment.{entry}")
-    ]  # without fixes
-    message = refusal(capsys, "navigate", tmp_path / "rest.csv", *given)
+    message = refusal(capsys, "navigate", tmp_path / "rest.csv")
     for unit, option in zip(("deg/s", "rad/s"), re.findall(r"--set recording\.units=('\S+')", message), strict=True):
         assert f"gyro={unit}" in tomllib.loads(f"units = {shlex.split(option)[0]}")["units"]
     text = "--set recording.units='\"g,deg/s\"' or units='g,deg/s'"

@@ -35,8 +35,8 @@ def test_whole_numbers_of_a_receiver_are_told_by_latitudes_that_no_place_has(tmp
     assert "scale" not in files.files_of([tmp_path], {}).entries["gnss"]
 
 
-def test_that_there_are_no_fixes_is_said_before_anything_is_asked(tmp_path):
-    head = "time (s),gFx (g),gFy (g),gFz (g),wx,wy,wz,Latitude,Longitude\n"
+def test_places_without_heights_are_no_fixes_and_it_is_said(tmp_path):
+    head = "time (s),gFx (g),gFy (g),gFz (g),wx (rad/s),wy (rad/s),wz (rad/s),Latitude,Longitude\n"
     rows = "".join(f"{k / 50:.2f},0.0,{k % 3}e-3,-1.0,1e-3,{k % 5}e-3,0.0,48.7,9.1\n" for k in range(1500))
     (tmp_path / "log.csv").write_text(head + rows)
     with pytest.raises(UndecidedError, match="stand beside the IMU's columns, but no heights"):

@@ -136,17 +136,10 @@ def propose(
     fixed = setup.nested(dict(given or {}))
     stated = hints_of(listed, fixed.get("recording", {}))
     files = files_of(listed, stated)
-    try:
-        diagnosis = _cured(files, stated)
-    except UndecidedError:
-        asked: Recording | None = None
-        with contextlib.suppress(SchulerError):
-            asked = _read(files)
-        if asked is not None:
-            _check_fixes(files, asked, fixed)  # no answer helps without them
-        raise
+    diagnosis = _cured(files, stated)
     recording = cut(_read(files), *part)
-    _check_fixes(files, recording, fixed)
+    if recording.gnss is None and recording.ranges is None and recording.observations is None and not _starts(fixed):
+        raise _without_fixes(files, recording)
     data: dict[str, Any] = {"recording": files.entries} if files.entries else {}
     decisions = list(files.decisions)
     sections = {name: section for name, section in fixed.items() if name != "recording"}
@@ -342,12 +335,6 @@ def _read(files: Files) -> Recording:
     if recording.imu is None:
         raise InputError(f"{files.log}: expected a log of an IMU, got {', '.join(_held(recording))}")
     return recording
-
-
-def _check_fixes(files: Files, recording: Recording, fixed: Mapping[str, Any]) -> None:
-    """Raise UndecidedError where there is nothing to navigate from."""
-    if recording.gnss is None and recording.ranges is None and recording.observations is None and not _starts(fixed):
-        raise _without_fixes(files, recording)
 
 
 def _without_fixes(files: Files, recording: Recording) -> UndecidedError:

@@ -95,7 +95,10 @@ def _over_ground(raw: Raw, hints: ReadHints, t: FloatArray, llh: FloatArray) -> 
 def _geodetic(raw: Raw, hints: ReadHints) -> FloatArray:
     if not raw.has(columns.GEODETIC):
         missing = [name for name in columns.GEODETIC if name not in raw.values]
-        raise raw.fault(f"a position needs lat, lon and h, but {', '.join(missing)} is missing: name the columns")
+        raise raw.fault(
+            f"a position needs lat, lon and h, but {', '.join(missing)} is missing: name the columns, such as "
+            "columns='t=Time,lat=Latitude,lon=Longitude,h=Altitude'"
+        )
     llh = np.stack([raw.values[name] for name in columns.GEODETIC], axis=1)  # of its own: it is changed here
     for column, name, limit in ((0, "latitude", 90.0), (1, "longitude", 360.0)):
         bad = np.flatnonzero(np.abs(llh[:, column]) > (limit + 1e-9) * units.DEG)

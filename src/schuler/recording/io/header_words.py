@@ -34,7 +34,7 @@ _TIME = ("time", "timestamp", "cts", "clock", "millis", "micros")
 #: Words of a sensor or a receiver, which do not tell one from another of their kind.
 _RECEIVER = frozenset(("gps", "gnss", "location"))
 #: Words that tell nothing: of a speed over ground in two dimensions, of a place in two numbers, of the first receiver.
-_FILLERS = frozenset(("ground", "over", "2", "d", "coord", "0", "1"))
+_FILLERS = frozenset(("ground", "over", "2", "d", "coord", "0", "1", "degrees", "deg", "meters", "metres", "mps"))
 #: Words that make another quantity of what they stand beside: motion without gravity, attitudes, claims, commands.
 _OTHERS = frozenset((
     "linear", "user", "free", "gravity", "world", "earth", "global", "enu", "ned", "bias", "offset", "std", "sigma",

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from schuler import units
 from schuler.cli import main
@@ -202,15 +203,16 @@ def test_too_few_fixes_are_refused_with_their_number(recording):
 @pytest.mark.campaign
 @pytest.mark.parametrize("imu", [10.0, 0.1])
 def test_intervals_cover_what_they_claim(imu):
-    """95 % of the intervals hold the truth; of 36 at most 6 do not with probability 0.998 (statistical)."""
-    missed = 0
+    """95 % of the intervals hold the truth, as many miss it as chance allows with probability 0.998 (statistical)."""
+    missed = counted = 0
     for seed in range(12):
         tuning = tune(prepared_run(*mis_stated(recorded(seed), imu)))
         for name, truth in (("accel", imu), ("position", 1.0), ("velocity", 1.0)):
-            # a sigma of fixes that the log does not exclude stays as stated, which is the truth here
-            low, high = tuning.intervals[name] if name == "accel" else tuning.intervals.get(name, (0.0, np.inf))
-            missed += not low < truth < high
-    assert missed <= 6
+            if name != "accel" and name not in tuning.intervals:
+                continue  # a sigma of fixes that the log does not exclude stays as stated
+            low, high = tuning.intervals[name]
+            missed, counted = missed + (not low < truth < high), counted + 1
+    assert missed <= binom.ppf(0.998, counted, 0.05)
 
 
 # --- slow errors of positions and of ranges

@@ -390,8 +390,7 @@ def _stated_units(opening: Opening, hints: ReadHints, chosen: dict[str, int], no
     assert opening.header is not None
     given = parse_units(hints.units, hints.kind)
     stated = {}
-    left_out: list[str] = []
-    for name, k in chosen.items():
+    for name, k in list(chosen.items()):
         unit = columns.unit_in(opening.header[1][k])
         group = columns.GROUP[name]
         if unit is None or group is None:
@@ -403,7 +402,7 @@ def _stated_units(opening: Opening, hints: ReadHints, chosen: dict[str, int], no
                 continue  # by its size
             if name == "temp" and group not in given:
                 notes.append(f"The temperature was left out, whose unit is not known: {opening.header[1][k]}.")
-                left_out.append(name)
+                del chosen[name]
                 continue
             if group not in given:
                 raise FileFormatError(
@@ -414,8 +413,6 @@ def _stated_units(opening: Opening, hints: ReadHints, chosen: dict[str, int], no
             notes.append(f"The unit {unit!r} in the header of {name} was passed over for the stated {given[group]}.")
             continue
         stated[name] = unit
-    for name in left_out:
-        del chosen[name]
     return stated
 
 

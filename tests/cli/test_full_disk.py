@@ -7,6 +7,7 @@ elsewhere.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import hashlib
 import os
 import re
@@ -23,6 +24,7 @@ pytestmark = [
     pytest.mark.skipif(not sys.platform.startswith("linux"), reason="forks, mounts and limits of file size"),
 ]
 SIZE = 5_000_000
+CLONE_NEWNS = 0x00020000  # <linux/sched.h>: mounts of a thread's own
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +32,16 @@ def inputs(tmp_path_factory):
     return write_inputs(tmp_path_factory.mktemp("inputs"))
 
 
+@pytest.fixture(scope="module")
+def own_mounts():
+    """Mounts that end with this process: one left by a killed run made every later run of pytest end in an error."""
+    if ctypes.CDLL(None, use_errno=True).unshare(CLONE_NEWNS):
+        pytest.skip(f"no file system can be mounted here: {os.strerror(ctypes.get_errno())}")
+    subprocess.run(["mount", "--make-rprivate", "/"], check=True)
+
+
 @pytest.fixture
-def disk(tmp_path):
+def disk(own_mounts, tmp_path):
     """A file system of 5 MB."""
     place = tmp_path / "disk"
     place.mkdir()

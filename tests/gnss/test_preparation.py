@@ -125,6 +125,25 @@ def test_beidous_coefficients_serve_on_request_and_where_there_are_no_others(sky
         prepare_ranges(plain, sky, ionosphere="beidou")
 
 
+def test_galileos_coefficients_serve_on_request(sky, plain):
+    """At 1-sigma of half of the delay, as Klobuchar's; where there are no others the note offers them."""
+    both = replace(sky, galileo_ai=(180.0, 0.1, 0.01))
+    asked, none = (prepare_ranges(plain, both, ionosphere=model) for model in ("galileo", "none"))
+    delay = none.pseudorange - asked.pseudorange
+    assert np.nanmin(delay) > 1.0
+    np.testing.assert_allclose(asked.sigma_range**2 - none.sigma_range**2, (0.5 * delay) ** 2, atol=1e-6)  # rounding
+    usual = prepare_ranges(plain, both)
+    assert np.nanmax(np.abs(usual.pseudorange - asked.pseudorange)) > 0.1
+    np.testing.assert_array_equal(usual.pseudorange, prepare_ranges(plain, sky).pseudorange)
+    bare = {"klobuchar_alpha": None, "klobuchar_beta": None}
+    assert any(
+        'which ionosphere "galileo" takes' in note for note in prepare_ranges(plain, replace(both, **bare)).notes
+    )
+    assert not any("galileo" in note for note in prepare_ranges(plain, replace(sky, **bare)).notes)
+    with pytest.raises(InputError, match=r"RINEX: GAL"):
+        prepare_ranges(plain, sky, ionosphere="galileo")
+
+
 def test_every_reason(sky, plain):
     o, sat = plain, plain.sat
     gps, galileo = sat[sat < 100], sat[sat // 100 == 2]
@@ -290,7 +309,7 @@ def test_no_observation_at_all(sky, plain):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"ionosphere": "nequick"}, "klobuchar, beidou, maps, free or none"),
+        ({"ionosphere": "nequick"}, "klobuchar, beidou, galileo, maps, free or none"),
         ({"troposphere": "hopfield"}, "saastamoinen or none"),
         ({"systems": "GX"}, "systems: expected letters"),
         ({"systems": ""}, "systems: expected letters"),

@@ -12,11 +12,12 @@ from schuler.frames import llh_from_ecef
 from schuler.gnss.coarse import ReceiverPlace
 from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.ionosphere import klobuchar, klobuchar_beidou
+from schuler.gnss.ionosphere_galileo import ntcm_g
 from schuler.gnss.ionosphere_maps import map_delays
 from schuler.gnss.troposphere import Mapping, saastamoinen
 from schuler.timebase import calendar
 
-Ionosphere = Literal["klobuchar", "beidou", "maps", "free", "none"]
+Ionosphere = Literal["klobuchar", "beidou", "galileo", "maps", "free", "none"]
 Troposphere = Literal["saastamoinen", "none"]
 
 #: Coefficients broadcast on 2021-04-28, a quiet Sun, for messages that have none.
@@ -36,7 +37,7 @@ class Atmosphere(NamedTuple):
 def check_models(ionosphere: str, troposphere: str) -> None:
     """Refuse models that there are not."""
     if ionosphere not in get_args(Ionosphere):
-        raise InputError(f"ionosphere: expected klobuchar, beidou, maps, free or none, got {ionosphere!r}")
+        raise InputError(f"ionosphere: expected klobuchar, beidou, galileo, maps, free or none, got {ionosphere!r}")
     if troposphere not in ("saastamoinen", "none"):
         raise InputError(f"troposphere: expected saastamoinen or none, got {troposphere!r}")
 
@@ -51,8 +52,8 @@ def atmosphere(
         return Atmosphere(none, none, none, [])
     llh = llh_from_ecef(place.r_e)
     delay, notes, sigma = none, list[str](), none
-    if ionosphere in ("klobuchar", "beidou"):
-        delay, notes, share = _broadcast(ephemerides, llh, place, gps_s, frequency_hz, beidou=ionosphere == "beidou")
+    if ionosphere in ("klobuchar", "beidou", "galileo"):
+        delay, notes, share = _broadcast(ephemerides, llh, place, gps_s, frequency_hz, ionosphere)
         sigma = remains * share * delay
     elif ionosphere == "maps":
         delay, sigma, notes = _by_maps(ephemerides, llh, place, gps_s, frequency_hz, remains)
@@ -64,27 +65,32 @@ def atmosphere(
 
 def _broadcast(
     ephemerides: Ephemerides, llh: FloatArray, place: ReceiverPlace, gps_s: FloatArray, frequency_hz: FloatArray,
-    *, beidou: bool = False,
+    asked: Ionosphere = "klobuchar",
 ) -> tuple[FloatArray, list[str], float]:  # fmt: skip
-    """Delays by broadcast coefficients, GPS's or BeiDou's, else by those of a quiet day; notes, share of 1-sigma."""
+    """Delays by broadcast coefficients, those asked for, else those that there are; notes, share of 1-sigma."""
     e, at = ephemerides, (llh, place.elevation, place.azimuth, gps_s, frequency_hz)
-    gps = (e.klobuchar_alpha, e.klobuchar_beta)
-    own = (e.beidou_alpha, e.beidou_beta)
-    if None in own and beidou:
+    if asked == "beidou" and None in (e.beidou_alpha, e.beidou_beta):
         raise InputError(
             'ionosphere: "beidou" needs BeiDou\'s coefficients among the ephemerides (RINEX: BDSA and BDSB), and there '
             'are none; take "klobuchar"'
         )
-    if own[0] is not None and own[1] is not None and (beidou or None in gps):
-        notes = [] if beidou else ["the messages have no Klobuchar coefficients of GPS: those of BeiDou, by its model"]
-        return klobuchar_beidou(own[0], own[1], *at), notes, 1.0
-    if gps[0] is not None and gps[1] is not None:
-        return klobuchar(gps[0], gps[1], *at), [], 1.0
-    return (
-        klobuchar(STAND_IN_ALPHA, STAND_IN_BETA, *at),
-        ["the messages have no Klobuchar coefficients: those of 2021-04-28 stand in, at twice the usual uncertainty"],
-        2.0,
-    )
+    if asked == "galileo" and e.galileo_ai is None:
+        raise InputError(
+            'ionosphere: "galileo" needs Galileo\'s coefficients among the ephemerides (RINEX: GAL), and there are '
+            'none; take "klobuchar"'
+        )
+    lacking = asked == "klobuchar" and None in (e.klobuchar_alpha, e.klobuchar_beta)
+    if e.beidou_alpha is not None and e.beidou_beta is not None and (asked == "beidou" or lacking):
+        notes = ["the messages have no Klobuchar coefficients of GPS: those of BeiDou, by its model"] if lacking else []
+        return klobuchar_beidou(e.beidou_alpha, e.beidou_beta, *at), notes, 1.0
+    if e.galileo_ai is not None and asked == "galileo":
+        return ntcm_g(e.galileo_ai, *at), [], 1.0
+    if e.klobuchar_alpha is not None and e.klobuchar_beta is not None:
+        return klobuchar(e.klobuchar_alpha, e.klobuchar_beta, *at), [], 1.0
+    note = "the messages have no Klobuchar coefficients: those of 2021-04-28 stand in, at twice the usual uncertainty"
+    if e.galileo_ai is not None:
+        note += '; they have those of Galileo, which ionosphere "galileo" takes'
+    return klobuchar(STAND_IN_ALPHA, STAND_IN_BETA, *at), [note], 2.0
 
 
 def _by_maps(

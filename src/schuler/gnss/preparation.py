@@ -71,7 +71,7 @@ def prepare_ranges(
         Preferred signals by system, see :func:`schuler.gnss.signal_choice.choose_signals`.
     systems : str
         Letters of the systems to use.
-    ionosphere : {"klobuchar", "beidou", "maps", "free", "none"}
+    ionosphere : {"klobuchar", "beidou", "galileo", "maps", "free", "none"}
         Model with GPS's coefficients for all systems and frequencies, BeiDou's with its own (taken where GPS's are
         missing, too); maps of the ephemerides, and that model where
         they have no value; combination of two frequencies; nothing.

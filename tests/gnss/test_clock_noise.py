@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from carrier_town import slipped_town
 
 from schuler import frames
 from schuler.exceptions import ConfigError, InputError
@@ -13,7 +14,7 @@ from schuler.gnss.clock_noise import clock_frequency_noise
 from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.synthetic import RangeErrors, synthetic_ranges
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.states import aiding_models
+from schuler.navigation.run import prepared_run
 
 V = np.array([3.0, -8.0, 5.0])
 
@@ -51,9 +52,17 @@ def test_too_few_satellites_are_refused():
         clock_frequency_noise(few, 0.003)
 
 
-def test_the_clock_of_a_filter_has_the_noise_of_the_log():
-    ranges, tight = ranges_of(0.05), {"clock_noise_m": "log", "carrier": "time-differenced"}
-    config = NavigationConfig.parse({"imu": {"catalogue": "VN-200"}, "gnss": {"coupling": "tight", "tight": tight}})
-    assert aiding_models(config, ranges)["clock"].noise == clock_frequency_noise(ranges, 0.003)
+@pytest.mark.parametrize("most", [None, 3])
+def test_the_clock_of_a_filter_has_the_noise_of_the_log(most):
+    """Of all satellites, however few of them are used."""
+    tight = {"clock_noise_m": "log", "carrier": "time-differenced", "max_satellites": most}
+    config = {"imu": {"catalogue": "MTi-G-710"}, "gnss": {"coupling": "tight", "tight": tight}}
+    prepared = prepared_run(slipped_town()[0], NavigationConfig.parse(config))
+    noise = prepared.layout.models["clock"].noise
+    assert noise == pytest.approx(0.2, rel=0.5)  # as simulated; of 40 epochs, beside range rates of 0.05 m/s
+    assert any(f"white frequency noise of {noise:.2g} m per root second" in note for note in prepared.notes)
+
+
+def test_without_carriers_the_log_does_not_tell_the_clock():
     with pytest.raises(ConfigError, match="needs carrier phases"):
         NavigationConfig.parse({"gnss": {"coupling": "tight", "tight": {"clock_noise_m": "log"}}})

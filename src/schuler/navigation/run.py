@@ -156,6 +156,7 @@ def prepared_run(
     ranges, points, relative = None, None, None
     if config.gnss.coupling == "tight":
         ranges, points = satellites(recording, config, notes)
+        config = points.put_into(config)
         if config.gnss.tight.carrier == "rtk":
             near_e = np.mean(points.solution.r_e[points.solution.ok], axis=0)
             relative = ranges_with_base(recording, ranges, near_e, config, base, notes)

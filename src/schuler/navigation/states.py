@@ -10,7 +10,6 @@ from schuler.exceptions import ConfigError
 from schuler.filtering.limits import MAX_STATES, MOST_CHANNELS
 from schuler.filtering.states import AMBIGUITIES, BLOCKS, CHANNELS, NAVIGATION, StateLayout, StateModel, layout_for
 from schuler.gnss.carrier import carrier_phases
-from schuler.gnss.clock_noise import clock_frequency_noise
 from schuler.gnss.ranges import Ranges
 from schuler.gnss.slow_errors import slow_channels
 from schuler.navigation.config import NavigationConfig
@@ -116,7 +115,8 @@ def aiding_models(config: NavigationConfig, ranges: Ranges | None) -> dict[str, 
     ----------
     config : NavigationConfig
     ranges : Ranges, optional
-        Ranges of a tightly coupled run: its receiver clocks become states.
+        Ranges of a tightly coupled run: its receiver clocks become states, whose noise the configuration has as a
+        number (:meth:`schuler.navigation.inputs.satellites.Points.put_into`).
     """
     aiding, gnss = config.aiding, config.gnss
     models: dict[str, StateModel] = {}
@@ -148,11 +148,7 @@ def aiding_models(config: NavigationConfig, ranges: Ranges | None) -> dict[str, 
             ranges,
             offset_sigma=tight.clock_sigma_m,
             drift_sigma=tight.clock_drift_sigma_m_s,
-            offset_noise=(
-                clock_frequency_noise(ranges, tight.carrier_sigma_m)
-                if tight.clock_noise_m == "log"
-                else tight.clock_noise_m
-            ),
+            offset_noise=float(tight.clock_noise_m),
             drift_noise=tight.clock_drift_noise_m_s,
             between_sigma=tight.clock_sigma_m,
             between_noise=tight.system_noise_m,

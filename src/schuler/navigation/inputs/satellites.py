@@ -41,10 +41,27 @@ _LASTING = 4  # epochs after which a jump must still be there; a bad solution is
 
 @dataclass(frozen=True)
 class Points:
-    """Single-point solutions of the ranges, and the epochs of them that serve as fixes."""
+    """What all ranges tell before any are cut: single-point solutions, fixes from them, and the clock's noise.
+
+    Attributes
+    ----------
+    solution : PointSolution
+    gnss : GnssSeries
+        The epochs that serve as fixes.
+    clock_noise : float, optional
+        White frequency noise of the receiver's clock, where the configuration leaves it to the log. [m/sqrt(s)]
+    """
 
     solution: PointSolution
     gnss: GnssSeries
+    clock_noise: float | None = None
+
+    def put_into(self, config: NavigationConfig) -> NavigationConfig:
+        """The configuration with the clock's noise as a number."""
+        if self.clock_noise is None:
+            return config
+        tight = config.gnss.tight.model_copy(update={"clock_noise_m": self.clock_noise})
+        return config.model_copy(update={"gnss": config.gnss.model_copy(update={"tight": tight})})
 
 
 def satellites(recording: Recording, config: NavigationConfig, notes: list[str]) -> tuple[Ranges, Points]:
@@ -105,12 +122,13 @@ def satellites(recording: Recording, config: NavigationConfig, notes: list[str])
         )
     if section.carrier != "off":
         ranges = with_whole_arcs(ranges, solution, section.carrier_sigma_m, notes)
+    noise = None
     if section.clock_noise_m == "log":
         noise = clock_frequency_noise(ranges, section.carrier_sigma_m)
         notes.append(f"the receiver's clock, by its carriers: white frequency noise of {noise:.2g} m per root second")
     kept = _kept(ranges, section.min_satellites, section.max_satellites)
     ranges = replace(ranges, reason=np.where(ranges.used & ~kept, 8, ranges.reason))
-    return ranges, Points(solution, gnss_series(solution))
+    return ranges, Points(solution, gnss_series(solution), noise)
 
 
 def _why_not(ranges: Ranges) -> str:

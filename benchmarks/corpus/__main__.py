@@ -95,7 +95,7 @@ def main(argv: list[str] | None = None) -> int:
         options.out.write_text(text + "\n", encoding="utf-8")
     print(text if options.json else table_of(rows, before))
     if options.only is None and any("skipped" not in row for row in rows):
-        page_of(PAGE, rows, elapsed)
+        page_of(PAGE, rows, elapsed, options.jobs)
     return 0
 
 

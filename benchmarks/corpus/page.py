@@ -106,11 +106,13 @@ _COLUMNS = {
 _TEXT = Path(__file__).with_name("page.md")
 
 
-def page_of(path: Path, rows: Rows, elapsed: float) -> None:
+def page_of(path: Path, rows: Rows, elapsed: float, jobs: int) -> None:
     """Write the page, and its picture beside the others of the documentation."""
     ran = [row for row in rows if "skipped" not in row]
     text = [
-        _TEXT.read_text(encoding="utf-8").format(elapsed=elapsed, ran=len(ran)),
+        _TEXT.read_text(encoding="utf-8").format(
+            elapsed=elapsed, ran=len(ran), processes="one process" if jobs == 1 else f"{jobs} processes"
+        ),
         *(f"- {line}" for line in summary(rows)),
         "",
     ]

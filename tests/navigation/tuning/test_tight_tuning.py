@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from places import ROOT
 
+from schuler.exceptions import InputError
+from schuler.filtering.measurements import PSEUDORANGE
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.consistency import state_errors
 from schuler.navigation.run import navigate, prepared_run
 from schuler.navigation.tuning.entries import tuned_configuration
 from schuler.navigation.tuning.slow import range_factor
-from schuler.navigation.tuning.tuning import contradicted, tune
+from schuler.navigation.tuning.tuning import contradicted, too_few, tune
 from schuler.simulation.scenario import prepare_mission, simulate_mission
 
 
@@ -82,6 +84,16 @@ def test_imu_noise_stated_ten_times_too_large_is_found_from_ranges(clean):
         low, high = tuning.intervals[name]
         assert low / 1.5 < 0.1 < high * 1.5, (name, tuning.factors[name], low, high)  # 95 %, and ten looks at it
     assert tuned_configuration(wrong, tuning).filter.noise.gyro < 3.0
+
+
+def test_ranges_of_half_a_minute_do_not_tune(clean):
+    """Their errors stay on a satellite for a minute; fixes of as many epochs would do."""
+    short = prepared_run(clean.between(0.0, 55.0), config())
+    epochs = len(np.unique(short.schedule.t[short.schedule.kind == PSEUDORANGE]))
+    assert 20 < epochs < 40
+    assert too_few(short)
+    with pytest.raises(InputError, match="needs at least 40 GNSS fixes"):
+        tune(short)
 
 
 @pytest.mark.campaign

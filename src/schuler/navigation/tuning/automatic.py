@@ -21,6 +21,7 @@ from schuler.navigation.tuning.delay import (
 from schuler.navigation.tuning.entries import tuned_configuration
 from schuler.navigation.tuning.headings import fitting_turn, turn_note, with_turn
 from schuler.navigation.tuning.lever import LEVER_ESTIMATED, has_lever, with_lever
+from schuler.navigation.tuning.rough import rough_factor, rough_note, with_rough_noise
 from schuler.navigation.tuning.search import proven
 from schuler.navigation.tuning.start import unless_refuted
 from schuler.navigation.tuning.tuning import contradicted, slow_error_beside_stated, too_few, tune
@@ -78,9 +79,10 @@ def supported_run(config: NavigationConfig, prepare: Prepare, *, aligned: bool) 
         return late
     if stated:
         return plain._replace(notes=[*plain.notes, STATED_NOISE, *slow_error_beside_stated(plain.run)])
-    if doubted:
-        plain = _tuned(plain, prepare, aligned)
-    return _from_supported_start(plain) if own_start and (doubted or too_few(plain.run)) else plain
+    tuned = _tuned(plain, prepare, aligned) if doubted else plain
+    if own_start and (doubted or too_few(tuned.run)):
+        tuned = _from_supported_start(tuned)
+    return _with_rough_noise(tuned, prepare, own_start) if tuned.config is config else tuned
 
 
 def _prepared_at(prepare: Prepare, turn: float, config: NavigationConfig, fixes_later_s: float) -> PreparedRun:
@@ -135,6 +137,21 @@ def _from_supported_start(given: Supported) -> Supported:
     """The run from another start where its fixes refute the one it has."""
     run, refuted = unless_refuted(given.run)
     return given._replace(run=run, notes=[*given.notes, *refuted])
+
+
+def _with_rough_noise(given: Supported, prepare: Prepare, own_start: bool) -> Supported:
+    """The run with noise several times as large, where few fixes do not fit it as it is and do then."""
+
+    def begun(factor: float) -> Supported:
+        other = with_rough_noise(given.config, factor)
+        run = Supported(other, prepare(other, given.run.fixes_later_s), [])
+        return _from_supported_start(run) if own_start else run
+
+    chosen = rough_factor(given.run, lambda factor: begun(factor).run)
+    if chosen is None:
+        return given
+    other = begun(chosen[0])
+    return other._replace(notes=[*given.notes, rough_note(*chosen), *other.notes])
 
 
 def _placed(given: Supported, prepare: Prepare, factors: dict[str, float] | None = None) -> Supported:

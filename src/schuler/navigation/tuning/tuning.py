@@ -32,7 +32,8 @@ from schuler.navigation.tuning.slow_search import ASKED, SHOWS, likeliest_slow_e
 from schuler.navigation.tuning.start import with_smoothed_start
 
 _LONGEST = 900.0  # of the log that is used [s]
-_FEWEST = 10  # epochs of fixes in each half
+# Epochs in each half: of fixes, and of ranges, whose errors stay on a satellite for a minute and look like less noise.
+_FEWEST, _FEWEST_OF_RANGES = 10, 20
 _OUTLIER = 25.0  # normalised innovation squared per component beyond which a fix is left out of the second search
 _T95 = 1.96
 _CONSISTENT = (0.7, 1.4)  # mean normalised innovation squared of a run that is left as it is
@@ -121,7 +122,7 @@ class Tuning:
             largest = max(_white(self.factors))
             return [
                 f"{NO_NOISE}: it would have to be {largest:.2g} times as large as stated, more than the log scatters "
-                "from sample to sample, and stays as it is; the heading at the start, axes, mounting or clock are "
+                "from sample to sample, and is not taken; the heading at the start, axes, mounting or clock are "
                 "wrong, or the IMU is another than the one named"
             ]
         left = slow_error_left(self.slow_lead)
@@ -223,9 +224,9 @@ def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
     fixes = fixes_of(prepared)
     one, other = halves(prepared.schedule, fixes)
     count = int(epochs(prepared.schedule.where(fixes))[1].max(initial=0))
-    if count < 2 * _FEWEST:
+    if count < _fewest(prepared):
         raise InputError(
-            f"tuning needs at least {2 * _FEWEST} GNSS fixes that the filter uses, and there are {count}; "
+            f"tuning needs at least {_fewest(prepared)} GNSS fixes that the filter uses, and there are {count}; "
             "leave filter.tune out"
         )
     ranges_slow, slow_spread = range_factor(prepared)
@@ -346,7 +347,12 @@ def contradicted(prepared: PreparedRun) -> bool:
 
 def too_few(prepared: PreparedRun) -> bool:
     """Whether a run has too few fixes to tune its noise."""
-    return int(epochs(prepared.schedule.where(fixes_of(prepared)))[1].max(initial=0)) < 2 * _FEWEST
+    return int(epochs(prepared.schedule.where(fixes_of(prepared)))[1].max(initial=0)) < _fewest(prepared)
+
+
+def _fewest(prepared: PreparedRun) -> int:
+    """Epochs that tuning needs."""
+    return 2 * (_FEWEST if prepared.ranges is None else _FEWEST_OF_RANGES)
 
 
 def _other_noise(prepared: PreparedRun, judge: Callable[[PreparedRun], Residuals], seen: Residuals) -> bool:

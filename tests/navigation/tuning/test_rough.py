@@ -1,0 +1,96 @@
+"""White noise of the IMU by one factor, where fixes are too few to tune it term by term."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from schuler.exceptions import InputError
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.run import navigate, prepared_run
+from schuler.navigation.tuning import rough
+from schuler.navigation.tuning.noise import WHITE, with_factors
+from schuler.navigation.tuning.rough import rough_factor, rough_note, with_rough_noise
+from schuler.simulation.scenario import prepare_mission, simulate_mission
+
+CORNERS = [(0, 0, 6), (40, -10, 7), (60, 30, 5), (20, 60, 8)]
+POINTS = [{"north_m": float(n), "east_m": float(e), "speed_m_s": float(v)} for n, e, v in CORNERS]
+BY_NAME = {"imu": {"catalogue": "MPU-6000"}, "filter": {"smooth": False}}
+
+
+def drive(worse):
+    """Under 20 s of a car under way, an MPU-6000 whose white noise is so many times as large, fixes of 5 cm."""
+    mission = prepare_mission(
+        {
+            "seed": 4,
+            "motion": {"type": "waypoints", "lat_deg": 47.0, "lon_deg": 8.0, "height_m": 400.0, "waypoints": POINTS},
+            "imu": {
+                "rate_hz": 50.0, "kind": "increment",
+                "gyro": {"arw_deg_rthr": 0.3 * worse, "bias_deg_s": 0.5},
+                "accel": {"vrw_m_s_rthr": 0.24 * worse, "bias_mg": 10.0},
+            },
+            "gnss": {"rate_hz": 1.0, "lever_arm_m": [0.0, 0.0, 0.0], "sigma_position_m": [0.05, 0.05, 0.08]},
+        }
+    )  # fmt: skip
+    recording = simulate_mission(mission).recording.between(0.0, 18.5)
+    return replace(recording, gnss=replace(recording.need_gnss(), v_n=None, cov_v_n=None))
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    return drive(15.0)
+
+
+@pytest.fixture(scope="module")
+def run(noisy):
+    return prepared_run(noisy, NavigationConfig.checked(BY_NAME))
+
+
+def louder(run):
+    return lambda factor: with_factors(run, dict.fromkeys(WHITE, factor))
+
+
+def test_noise_that_few_fixes_contradict_is_found(run, monkeypatch):
+    factor, gain = rough_factor(run, louder(run))
+    assert factor == 16.0  # simulated 15 times as large
+    assert gain > 8.0
+    monkeypatch.setattr(rough, "LEAST_GAIN", -1e9)
+    assert rough_factor(louder(run)(15.0), louder(run)) is None  # fits as it is: nothing is asked
+
+
+def test_a_start_that_other_noise_does_not_have_is_left_out(run):
+    def refused(factor):
+        if factor < 10.0:
+            raise InputError("no start")
+        return louder(run)(factor)
+
+    assert rough_factor(run, refused) == rough_factor(run, louder(run))
+
+
+def test_many_fixes_and_ranges_are_for_others(run, monkeypatch):
+    assert rough_factor(replace(run, ranges=object()), louder(run)) is None
+    monkeypatch.setattr(rough, "_MOST", 5)
+    assert rough_factor(run, louder(run)) is None
+
+
+def test_a_run_of_few_fixes_takes_it_unless_noise_is_not_to_be_tuned(noisy):
+    result = navigate(noisy, BY_NAME)
+    assert sum(note.startswith("fixes are too few to tune noise") for note in result.notes) == 1
+    noise = result.provenance["config"]["filter"]["noise"]
+    assert noise["gyro"] == 16.0
+    left = navigate(noisy, {**BY_NAME, "filter": {"smooth": False, "tune": False}})
+    assert not any(note.startswith("fixes are too few") for note in left.notes)
+    assert result.innovations.mean_nis() < 1.5 < left.innovations.mean_nis()
+
+
+def test_an_imu_as_stated_keeps_its_noise():
+    assert not any(note.startswith("fixes are too few") for note in navigate(drive(1.0), BY_NAME).notes)
+
+
+def test_every_axis_is_louder_by_the_same():
+    config = NavigationConfig.checked({**BY_NAME, "filter": {"noise": {"gyro": 2.0, "accel": [1.0, 1.5, 3.0]}}})
+    noise = with_rough_noise(config, 4.0).filter.noise
+    assert noise.gyro == 8.0
+    assert tuple(noise.accel_axes) == (4.0, 6.0, 12.0)
+    assert "4 times as large (log likelihood +12, of the factors 1, 4 and 16)" in rough_note(4.0, 12.4)

@@ -1,11 +1,12 @@
-"""Range rates against the codes of their signal: what contradicts them is left out, whatever the sign of the motion."""
+"""Range rates and carriers against the codes of their signal: what contradicts them is left out, or refused."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from schuler.gnss.carrier_scale import without_wrong_rates
+from schuler.exceptions import InputError
+from schuler.gnss.carrier_scale import check_carrier_scale, without_wrong_rates
 from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.preparation import prepare_ranges
 from schuler.gnss.synthetic import RangeErrors, synthetic_ranges
@@ -36,7 +37,8 @@ def test_rates_that_go_with_their_codes_stay_as_they_are(sky):
 
 
 @pytest.mark.parametrize(
-    ("factor", "what"), [(-1.0, "of the other sign"), (0.19, "in another unit"), (-0.1903, "in m/s")]
+    ("factor", "what"),
+    [(-1.0, "of the other sign"), (0.19, "in another unit"), (-0.1903, "in m/s"), (0.78, "of another band")],
 )
 def test_rates_of_another_sign_or_unit_are_left_out_and_noted(sky, factor, what):
     left, notes = without_wrong_rates(scaled(sky, factor), "GE")
@@ -66,3 +68,33 @@ def test_ranges_are_prepared_without_them(sky):
     assert np.isnan(wrong.range_rate).all()
     np.testing.assert_allclose(wrong.pseudorange, right.pseudorange, rtol=0.0, atol=1e-3)  # the receiver clock's drift
     assert any("of the other sign" in note for note in wrong.notes)
+
+
+def fast_sky(noise):
+    """Ten times a second ranges change by some 45 m."""
+    t = np.arange(0.0, 20.0, 0.1)
+    made = synthetic_ranges(
+        t, np.tile(PLACE, (len(t), 1)), np.zeros((len(t), 3)), nominal_orbits("GE"), np.random.default_rng(4),
+        RangeErrors(noise=noise), epoch_gps_s=EPOCH,
+    )  # fmt: skip
+    return made.observations()
+
+
+@pytest.mark.parametrize("noise", [15.0, 60.0, 200.0])
+def test_codes_that_scatter_as_much_as_ranges_change_blame_nothing(noise):
+    o = fast_sky(noise)
+    for system in "GE":
+        check_carrier_scale(o, system, "1C", "rover")
+    assert without_wrong_rates(o, "GE")[0] is o
+
+
+def test_noisy_codes_do_not_make_the_quotient_too_small():
+    """Of changes that are large by their codes, noise of 15 m made many so: the quotient would be off by a tenth."""
+    o = fast_sky(15.0)
+    with pytest.raises(InputError, match="carriers in metres"):
+        check_carrier_scale(replace(o, carrier=0.190294 * o.carrier), "G", "1C", "rover")
+
+
+def test_carriers_that_do_not_change_are_refused(sky):
+    with pytest.raises(InputError, match=r"changes 0\.000 times as much"):
+        check_carrier_scale(replace(sky, carrier=np.full(len(sky.t), 1e8)), "G", "1C", "rover")

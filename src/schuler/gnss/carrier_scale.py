@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.gnss.observations import Observations
 from schuler.gnss.signals import SYSTEM_NAMES, SYSTEMS, wavelengths
 
 _PAUSE_S = 10.0  # over which a change is taken [s]
-_CLEAR = 30.0  # change of a range from epoch to epoch, far beyond the noise of code [m]
 _FEWEST = 6  # changes
 _ENOUGH = 300.0  # typical change times the root of their number: 5 m of noise then move the median by 1.7 % [m]
-_FAR_OFF = 0.5  # of the quotient of a range rate and its code's, from one
+_FAR_OFF = 0.1  # of the quotient of a range rate and its code's, from one; of another band it is 22 % and more
 _WITHIN = 0.03  # bands 2 and 5 differ by 4 %; noise moves the median of many changes by much less
 
 
@@ -51,8 +51,8 @@ def check_carrier_scale(o: Observations, system: str, signal: str, name: str) ->
     ------
     InputError
         If the median change of carriers is not that of pseudoranges, to 3 %. Carriers in metres change by one over the
-        wavelength too fast, those of another band by the ratio of both wavelengths. Logs with few
-        or small changes from one epoch to the next pass.
+        wavelength too fast, those of another band by the ratio of both wavelengths. Logs with few or small changes from
+        one epoch to the next pass, and those whose codes scatter too much to tell.
     """
     mine = (o.sat // 100 == SYSTEMS.index(system)) & np.isfinite(o.carrier) & np.isfinite(o.pseudorange)
     mine &= o.signal == o.signals.index(signal)
@@ -61,14 +61,9 @@ def check_carrier_scale(o: Observations, system: str, signal: str, name: str) ->
     a, b = rows[:-1], rows[1:]
     neighbours = (o.sat[a] == o.sat[b]) & (o.t[b] - o.t[a] < _PAUSE_S)
     a, b = a[neighbours], b[neighbours]
-    code = o.pseudorange[b] - o.pseudorange[a]
     length = wavelengths(o.sat[a], signal)
-    clear = np.abs(code) > _CLEAR
-    n = int(np.sum(clear))
-    if n < _FEWEST or np.median(np.abs(code[clear])) * np.sqrt(n) < _ENOUGH:
-        return
-    scale = float(np.median((length * (o.carrier[b] - o.carrier[a]))[clear] / code[clear]))
-    if abs(scale - 1.0) <= _WITHIN:
+    scale = _scale(length * (o.carrier[b] - o.carrier[a]), o.pseudorange[b] - o.pseudorange[a])
+    if scale is None or abs(scale - 1.0) <= _WITHIN:
         return
     if abs(scale / length[0] - 1.0) < _WITHIN:
         cause = "carriers in metres"
@@ -94,7 +89,7 @@ def without_wrong_rates(o: Observations, systems: str) -> tuple[Observations, li
     Returns
     -------
     observations : Observations
-        Without range rates where the median of their quotient with the pseudoranges' own rate is not 1 to a half.
+        Without range rates where the median of their quotient with the pseudoranges' own rate is not 1 to a tenth.
     notes : list of str
         What was left out.
     """
@@ -102,23 +97,22 @@ def without_wrong_rates(o: Observations, systems: str) -> tuple[Observations, li
     rows = rows[np.lexsort((o.t[rows], o.sat[rows], o.signal[rows]))]
     a, b = rows[:-1], rows[1:]
     code, dt = o.pseudorange[b] - o.pseudorange[a], o.t[b] - o.t[a]
-    clear = (o.sat[a] == o.sat[b]) & (o.signal[a] == o.signal[b]) & (dt < _PAUSE_S) & (np.abs(code) > _CLEAR)
-    a, b, code = a[clear], b[clear], code[clear]
-    quotient = 0.5 * (o.range_rate[a] + o.range_rate[b]) * dt[clear] / code
+    neighbours = (o.sat[a] == o.sat[b]) & (o.signal[a] == o.signal[b]) & (dt < _PAUSE_S)
+    a, b, code = a[neighbours], b[neighbours], code[neighbours]
+    moved = 0.5 * (o.range_rate[a] + o.range_rate[b]) * dt[neighbours]
     wrong, notes = np.zeros(len(o.t), dtype=bool), list[str]()
     system = o.sat // 100
     for letter in systems:
         for k, signal in enumerate(o.signals):
             mine = (system[a] == SYSTEMS.index(letter)) & (o.signal[a] == k)
-            n = int(np.sum(mine))
-            if n < _FEWEST or np.median(np.abs(code[mine])) * np.sqrt(n) < _ENOUGH:
-                continue
-            scale = float(np.median(quotient[mine]))
-            if abs(scale - 1.0) <= _FAR_OFF:
+            scale = _scale(moved[mine], code[mine])
+            if scale is None or abs(scale - 1.0) <= _FAR_OFF:
                 continue
             wrong |= (system == SYSTEMS.index(letter)) & (o.signal == k)
             length = float(np.median(wavelengths(o.sat[a[mine]], signal)))
-            cause = "of the other sign" if scale < 0.0 else "in another unit"
+            cause = (
+                "of the other sign" if scale < 0.0 else "of another band" if 0.7 < scale < 1.5 else "in another unit"
+            )
             cause += " and in m/s, not Hz" if abs(abs(scale) / length - 1.0) < _WITHIN and scale < 0.0 else ""
             notes.append(
                 f"range rates of {SYSTEM_NAMES[letter]} {signal} are {scale:.2f} times what their pseudoranges change "
@@ -126,3 +120,25 @@ def without_wrong_rates(o: Observations, systems: str) -> tuple[Observations, li
                 "satellite that approaches)"
             )
     return (replace(o, range_rate=np.where(wrong, np.nan, o.range_rate)) if notes else o), notes
+
+
+def _scale(moved: FloatArray, code: FloatArray) -> float | None:
+    """Median quotient of what ranges changed by, by carriers or rates, and by codes; None if it tells nothing.
+
+    Of the larger half of the changes by the first, which has little noise: of changes that are large by their codes
+    noise made many so, and quotients would be too small. Shapes (n,). [m]
+    """
+    if not len(code):
+        return None
+    typical = np.median(np.abs(moved))
+    large = np.abs(moved) >= typical
+    n = int(np.sum(large))
+    if n < _FEWEST or np.median(np.abs(code[large])) * np.sqrt(n) < _ENOUGH:
+        return None
+    if typical == 0.0:
+        return 0.0
+    quotient = code[large] / moved[large]
+    middle = np.median(quotient)
+    if np.median(np.abs(quotient - middle)) > abs(middle - 1.0):
+        return None  # noise of codes alone would scatter them as far
+    return float(1.0 / middle)

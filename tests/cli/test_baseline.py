@@ -53,6 +53,16 @@ def test_a_base_without_a_position_is_where_its_points_are(logs, tmp_path, capsy
     assert "mean of its single points" in err
 
 
+def test_what_reading_left_out_of_either_log_is_said(logs, tmp_path, capsys):
+    _, rover, _, p = logs
+    base = tmp_path / "odd.parquet"
+    about = Metadata("odd", TimeBase("gps", p.base.epoch_gps_s), notes=("3 rows were left out.",))
+    write(Recording(observations=p.base, metadata=about), base)
+    data = answer(capsys, "baseline", rover, base, "--no-report", "--json", "--out", tmp_path / "out")
+    assert "base: 3 rows were left out." in data["notes"]
+    assert not any(note.startswith("rover: 3") for note in data["notes"])
+
+
 def test_marks_and_the_header_of_the_base(logs, tmp_path, capsys):
     """The header's position is the mark's: with the height it is the antenna's, with --marks both ends are marks."""
     save, _, _, p = logs
@@ -84,6 +94,8 @@ def test_what_cannot_be_used_is_refused(logs, tmp_path, capsys):
     assert "rover: the carrier of" in refused(sign, base)
     week = save("week", replace(p.base, epoch_gps_s=p.base.epoch_gps_s + 604_800.0))
     assert "base: no ephemeris for any of its satellites" in refused(rover, week)
+    hour = save("hour", replace(p.base, epoch_gps_s=p.base.epoch_gps_s - 3600.0))
+    assert "expected stamps in GPS time, messages of that day" in refused(rover, hour)
     assert "m from where the base's own ranges" in refused(rover, base, "--base-position", "10,20,30")
     assert "file states none" in refused(rover, base, "--base-position", "header")
     assert "--base-position: expected latitude" in refused(rover, base, "--base-position", "10,20")

@@ -154,6 +154,9 @@ def test_damaged_frames_are_left_out_and_counted(tmp_path, two):
             read(path, two.base)
         except FileFormatError as error:
             assert "expected RTCM 3 observations" in str(error)  # noqa: PT017 - most of these are read
+    path.write_bytes(b"".join(frame[:-1] + bytes([frame[-1] ^ 1]) for frame in frames))
+    with pytest.raises(FileFormatError, match=r"only damaged frames \(\d+\): record the stream as bytes"):
+        read(path, two.base)
 
 
 def wrong_contents(frames, seed):

@@ -117,7 +117,7 @@ def baseline(
     measured = measured_rover, _observations(fixed_station, base, "base")
     messages = ephemerides_of((roving, fixed_station), nav, "neither log has ephemerides")
     base_llh = _base_position(measured[1], base_position, marks=marks)
-    notes: list[str] = []
+    notes = [f"{name}: {x}" for name, log in (("rover", roving), ("base", fixed_station)) for x in log.metadata.notes]
     antennas = antenna_pair(
         messages.antennas, (measured[0].antenna, measured[1].antenna), (rover_antenna, base_antenna), notes
     )

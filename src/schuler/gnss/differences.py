@@ -356,7 +356,10 @@ def _receiver(
         )
     points = solve_points(ranges, integrity=Integrity(neighbours=False), velocity=False)
     if not points.ok.any():
-        raise InputError(f"{name}: no single point could be solved: {points.summary()}")
+        raise InputError(
+            f"{name}: no single point could be solved: {points.summary()}; expected stamps in GPS time, messages of "
+            "that day, and codes that fit them"
+        )
     stamp = o.epochs
     ranges = points.screened(ranges)
     row = _nearest(stamp, points.t)  # corrected by the receiver clock, some milliseconds at most

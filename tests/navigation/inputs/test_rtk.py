@@ -372,6 +372,10 @@ def test_a_base_as_a_stream_of_messages(two, tmp_path):
     assert len(streamed.carriers.row) == len(same.carriers.row) > 50
     # a carrier of 2^-31 ms, and epochs in whole milliseconds at ranges that change by 800 m/s: 0.3 ms of them
     np.testing.assert_allclose(streamed.ranges.pseudorange, same.ranges.pseudorange, atol=0.3)
+    assert not any("checksum" in note for note in notes)
+    file.write_bytes(enc.station(HOME) + b"".join([*frames[:-1], frames[-1][:-1] + b"\0"]))
+    ranges_with_base(recording, ranges, HOME, config, None, notes)
+    assert "base: 1 frames with a wrong checksum were left out." in notes
     file.write_bytes(enc.station(HOME + 500.0) + b"".join(frames))
     with pytest.raises(InputError, match=r"as its messages state it: 8.. m from where the base's own ranges place it"):
         ranges_with_base(recording, ranges, HOME, config, None, [])

@@ -88,7 +88,7 @@ def ranges_with_base(
     tight = config.gnss.tight
     section = tight.base
     if base is None:
-        base = _read_base(section.observations, recording)
+        base = _read_base(section.observations, recording, notes)
     stated_e, eccentricity_n, entry = None, None, "gnss.tight.base.llh_deg"
     logged = base if isinstance(base, Observations) else None
     if isinstance(base, Observations):
@@ -97,7 +97,10 @@ def ranges_with_base(
         base = _prepared_base(base, recording, config, notes)
     points = solve_points(base)
     if not points.ok.any():
-        raise InputError(f"gnss.tight.base: no single point of the base could be solved: {points.summary()}")
+        raise InputError(
+            f"gnss.tight.base: no single point of the base could be solved: {points.summary()}; "
+            "expected stamps in GPS time, messages of that day, and codes that fit them"
+        )
     mean_e = points.r_e[points.ok].mean(axis=0)
     if section.llh_deg is None and stated_e is not None:
         base_e, entry = np.array(stated_e), "gnss.tight.base, as its messages state it"
@@ -145,7 +148,7 @@ def _eccentricity(stated_n: tuple[float, float, float] | None, notes: list[str])
     return np.array(stated_n)
 
 
-def _read_base(file: str | None, recording: Recording) -> Observations:
+def _read_base(file: str | None, recording: Recording, notes: list[str]) -> Observations:
     if file is None:
         raise InputError(
             'gnss.tight.carrier = "rtk" needs a base station: name its log in gnss.tight.base.observations, or set '
@@ -158,11 +161,14 @@ def _read_base(file: str | None, recording: Recording) -> Observations:
     if is_rtcm(Path(file)):  # its messages say the time of week, the rover which week
         rover = recording.observations
         near = None if rover is None or not len(rover) else rover.epoch_gps_s + float(rover.t[0])
-        observations = read_rtcm(file, near).observations
+        stream = read_rtcm(file, near)
+        observations, said = stream.observations, stream.notes
     else:
-        observations = read(Path(file)).observations
+        log = read(Path(file))
+        observations, said = log.observations, log.metadata.notes
     if observations is None:
         raise InputError(f"gnss.tight.base.observations: no raw measurements in {file}; give a RINEX or UBX log")
+    notes += [f"base: {note}" for note in said]
     return observations
 
 

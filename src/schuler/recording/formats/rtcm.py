@@ -210,8 +210,13 @@ def read_rtcm(path: Path | str, near_gps_s: float | None = None) -> RtcmLog:
     if not any(_is_observed(kind) for kind in kinds):
         raise FileFormatError(
             "expected RTCM 3 observations (1074 to 1077, 1094 to 1097, 1124 to 1127), found "
-            + (", ".join(f"{n} of {kind}" for kind, n in sorted(kinds.items())) or f"{frames.failed} damaged frames")
-            + ": enable MSM4 or MSM7 in the base station",
+            + (
+                ", ".join(f"{n} of {kind}" for kind, n in sorted(kinds.items()))
+                + ": enable MSM4 or MSM7 in the base station"
+                if kinds
+                else f"only damaged frames ({frames.failed}): record the stream as bytes, without a text mode or an "
+                "editor in between"
+            ),
             path,
         )
     broadcast, week = _ephemerides(messages, near_gps_s)

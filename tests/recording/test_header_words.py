@@ -5,6 +5,7 @@ import pytest
 
 from schuler import read
 from schuler.exceptions import InputError
+from schuler.recording.formats.text import recognised_series
 from schuler.recording.io import columns, header_words
 
 SENSOR_LOG = (
@@ -50,6 +51,14 @@ def named(header, delimiter=","):
          "t az ax ay"),
         ("rtcTime,gps_Time,gps_Lat,gps_Long,gps_Alt,gps_AltMSL,aX,aY,aZ,gX,gY,gZ", ",",
          [0, 2, 3, 4, 6, 7, 8, 9, 10, 11], f"t lat lon h {TRIADS}"),
+        ("timestamp,gyro_rad[0],gyro_rad[1],gyro_rad[2],accelerometer_m_s2[0],accelerometer_m_s2[1],"
+         "accelerometer_m_s2[2]", ",", [0, 1, 2, 3, 4, 5, 6], "t gx gy gz ax ay az"),
+        ("Time (UTC),PosLat (deg),PosLon (deg),PosAlt (m),VelNorth (m/s),VelEast (m/s),VelDown (m/s),"
+         "AngleRateX (deg/s),AngleRateY (deg/s),AngleRateZ (deg/s),AngleX (deg)", ",", [0, 1, 2, 3, 4, 5, 6, 7, 8, 9],
+         "t lat lon h vn ve vd gx gy gz"),
+        ("Time,GPS Latitude,GPS Longitude,InlineAcc,LateralAcc,VerticalAcc,RollRate,PitchRate,YawRate,Lap", ",",
+         range(9), f"t lat lon {TRIADS}"),
+        ("EPOCH_NS,ACC_X_MPS2,ACC_Y_MPS2,ACC_Z_MPS2,GYR_X_RADPS,GYR_Y_RADPS,GYR_Z_RADPS", ",", range(7), f"t {TRIADS}"),
         ("SampleTimeFine,FreeAcc_X,FreeAcc_Y,FreeAcc_Z,Acc_X,Acc_Y,Acc_Z,Gyr_X,Gyr_Y,Gyr_Z", ",",
          [0, 4, 5, 6, 7, 8, 9], f"t {TRIADS}"),
     ],
@@ -120,3 +129,43 @@ def test_an_imu_beside_places_without_heights_is_read_alone_and_said(tmp_path):
     assert any("no height stands beside" in note for note in recording.metadata.notes)
     with pytest.raises(InputError, match="h is missing"):
         read(log, series="gnss", sigma="3,3,5")
+
+
+def test_units_among_the_words_of_a_sensor():
+    assert columns.unit_in("gyro_rad[0]") == "rad/s"
+    assert columns.unit_in("accelerometer_m_s2[1]") == "m/s^2"
+    assert columns.unit_in("gyroADC[0]") is None
+
+
+def test_a_line_of_units_and_one_of_sources_stand_below_a_header(tmp_path):
+    path = tmp_path / "session.csv"
+    head = [
+        "Session,Home",
+        "timestamp,lap_number,x_acc,y_acc,z_acc,x_rate_of_rotation,y_rate_of_rotation,z_rate_of_rotation",
+    ]
+    units = ["unix time,,G,G,G,deg/s,deg/s,deg/s", ",,101: acc,101: acc,101: acc,102: gyro,102: gyro,102: gyro"]
+    rows = [f"{1.7e9 + k / 20:.3f},1,0.01,0.02,-1.0,0.1,0.2,{k % 5}" for k in range(200)]
+    path.write_text("\n".join([*head, *units, *rows]) + "\n")
+    imu = read(path, time="unix").need_imu()
+    np.testing.assert_allclose(imu.accel[0], np.array([0.01, 0.02, -1.0]) * 9.80665, rtol=1e-12)
+    np.testing.assert_allclose(imu.gyro[3], np.deg2rad([0.1, 0.2, 3.0]), rtol=1e-12)
+
+
+def test_three_axes_of_some_sensor_are_no_reference(tmp_path):
+    for name, size in (("magnetometer", 40.0), ("truth", 6.4e6)):
+        rows = "".join(f"{k / 10},{size},{0.1 * k},{-0.2 * k}\n" for k in range(50))
+        (tmp_path / f"{name}.csv").write_text(f"time,x,y,z\n{rows}")
+    assert recognised_series(tmp_path / "magnetometer.csv") == ()
+    assert recognised_series(tmp_path / "truth.csv") == ("reference",)
+
+
+def test_settings_in_quotes_above_a_header_and_a_hash_among_its_units(tmp_path):
+    settings = '"Driver","X"\n"Time","10:11 AM"\n"Sample Rate","50"\n\n'
+    head = '"Time","Nsat","InlineAcc","LateralAcc","VerticalAcc","RollRate","PitchRate","YawRate"\n'
+    units = '"s","#","g","g","g","deg/s","deg/s","deg/s"\n\n'
+    rows = "".join(f'"{k / 50:.2f}","14","0.1","0.0","-1.0","0.1","0.2","{k % 5}"\n' for k in range(200))
+    path = tmp_path / "session.csv"
+    path.write_text(settings + head + units + rows)
+    imu = read(path).need_imu()
+    np.testing.assert_allclose(np.diff(imu.t), 0.02, atol=1e-12)  # rounding
+    np.testing.assert_allclose(imu.gyro[3], np.deg2rad([0.1, 0.2, 3.0]), rtol=1e-12)

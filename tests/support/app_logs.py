@@ -173,4 +173,45 @@ def movella_dot(path: Path) -> Drive:
     return d
 
 
-LAYOUTS: tuple[Callable[[Path], Drive], ...] = (andro_sensor, sensor_log, blackbox, openlog, shimmer, movella_dot)
+def sensor_words(path: Path) -> Drive:
+    """A word for the sensor at the beginning of each line, and a time of the phone's and of the sensor's."""
+    d = driven(100.0, BOARD_RUB)
+    lat, lon, h, speed, course = d.places
+    head = "% ACCE;AppTimestamp(s);SensorTimestamp(s);Acc_X(m/s^2);Acc_Y(m/s^2);Acc_Z(m/s^2)\n"
+    head += "% GYRO;AppTimestamp(s);SensorTimestamp(s);Gyr_X(rad/s);Gyr_Y(rad/s);Gyr_Z(rad/s)\n"
+    head += "% GNSS;AppTimestamp(s);SensorTimeStamp(s);Latit(deg);Long(deg);Altitude(m);Bearing(deg);Speed(m/s)\n"
+    rows = []
+    for word, values, late in (("ACCE", d.accel, 0.0), ("GYRO", d.gyro, 0.001)):
+        rows += [(t + late, f"{word};{5.0 + t + late:.3f};{7e4 + t:.3f};{x:.5f};{y:.5f};{z:.5f}")
+                 for t, (x, y, z) in zip(d.t, values, strict=True)]  # fmt: skip
+    at = d.fixes.t - d.truth.need_imu().t[0]
+    rows += [
+        (t, f"GNSS;{5.0 + t:.3f};{1.7e9 + t:.3f};{a:.7f};{b:.7f};{c:.2f};{e:.2f};{s:.2f}")
+        for t, a, b, c, e, s in zip(at, lat, lon, h, course, speed, strict=True)
+    ]
+    (path / "logfile.txt").write_text(head + "\n".join(row for _, row in sorted(rows)) + "\n")
+    return d
+
+
+def flight_tables(path: Path) -> Drive:
+    """Tables of a flight controller's messages: units in names, whole numbers of fixes, one clock in microseconds."""
+    d = driven(200.0, np.eye(3))
+    lat, lon, h, speed, course = d.places
+    clock = 3e6 + 1e6 * d.t
+    head = ["timestamp", *(f"{name}[{k}]" for name in ("gyro_rad", "accelerometer_m_s2") for k in range(3))]
+    save(
+        path / "log_sensor_combined_0.csv",
+        head,
+        [loggers.column(clock, 0), *triad(d.gyro, 1.0, 7), *triad(d.accel, 1.0, 6)],
+    )
+    t, v = 3e6 + 1e6 * (d.fixes.t - d.truth.need_imu().t[0]), d.fixes.need_velocity()[0]
+    head = ["timestamp", "lat", "lon", "alt", "eph", "epv", "vel_m_s", "vel_n_m_s", "vel_e_m_s", "vel_d_m_s", "cog_rad"]
+    cols = [loggers.column(x, k) for x, k in ((t, 0), (1e7 * lat, 0), (1e7 * lon, 0), (1e3 * (h - 47.5), 0))]
+    cols += [["1.5"] * len(t), ["2.5"] * len(t), loggers.column(speed, 3), *triad(v, 1.0, 3)]
+    save(path / "log_vehicle_gps_position_0.csv", head, [*cols, loggers.column(units.DEG * course, 5)])
+    return d
+
+
+LAYOUTS: tuple[Callable[[Path], Drive], ...] = (
+    andro_sensor, sensor_log, blackbox, openlog, shimmer, movella_dot, sensor_words, flight_tables,
+)  # fmt: skip

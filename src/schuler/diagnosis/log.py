@@ -15,7 +15,7 @@ from schuler.diagnosis.result import Diagnosis, Finding, joined
 from schuler.diagnosis.run import diagnose
 from schuler.diagnosis.unrelated_clocks import relate_clocks, unknown_clock
 from schuler.exceptions import InputError, SchulerError
-from schuler.recording.io import dispatch, folder
+from schuler.recording.io import dispatch, folder, packed
 from schuler.recording.io.hint_texts import SERIES
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
@@ -127,7 +127,7 @@ def _folder(
         given = {name: value for name, value in entry.items() if name != "file"}
         if part in SERIES:
             given.setdefault("series", part)
-        recording, problems = _file(path / str(entry["file"]), ReadHints.of(**given))
+        recording, problems = _file(packed.resolved(path / str(entry["file"])), ReadHints.of(**given))
         findings += [replace(f, part=part) for f in problems]
         if recording is not None:
             read.append((part, recording))

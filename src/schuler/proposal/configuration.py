@@ -20,10 +20,11 @@ from schuler.navigation.config import NavigationConfig
 from schuler.plotting.notebook import Displayed
 from schuler.proposal import cures, setup
 from schuler.proposal.decision import Decision, UndecidedError, option
-from schuler.proposal.files import SOMEWHERE, UNTIL, Files, files_of, hints_of
+from schuler.proposal.files import SOMEWHERE, Files, files_of, hints_of
+from schuler.proposal.hints import UNTIL
 from schuler.proposal.imu_model import imu_entries
 from schuler.proposal.toml import comment, section_lines
-from schuler.recording.io import dispatch, plain_text
+from schuler.recording.io import dispatch, packed, plain_text
 from schuler.recording.part import cut
 from schuler.recording.recording import Recording
 from schuler.standstill.unscaled import unscaled_rests
@@ -376,10 +377,10 @@ def _starts(fixed: Mapping[str, Any]) -> bool:
 def _heads(files: Files) -> list[str]:
     """First characters of the files that the IMU is read from."""
     entry = files.entries.get("imu") if files.by_part else None
-    if files.log.is_file():
+    if isinstance(entry, dict) and "file" in entry:
+        paths = [packed.resolved(files.log / str(entry["file"]))]
+    elif files.log.is_file():
         paths = [files.log]
-    elif isinstance(entry, dict) and "file" in entry:
-        paths = [files.log / str(entry["file"])]
     else:
         paths = sorted(p for p in files.log.iterdir() if p.is_file() and p.suffix.lower() in (".csv", ".txt", ".yaml"))
     return [plain_text.head_of(path, _HEAD).decode("latin-1") for path in paths]

@@ -11,7 +11,7 @@ import numpy as np
 
 from schuler.exceptions import SchulerError
 from schuler.proposal.decision import Decision, UndecidedError
-from schuler.recording.io import dispatch
+from schuler.recording.io import dispatch, packed
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.series import GnssSeries
 
@@ -49,7 +49,7 @@ def chosen(
     if len(named) == 1:
         best, why = named[0], "its header names columns and units"
     elif part == "gnss":
-        fixes = {f[1]: _fixes(log / f[1], f[2]) for f in rivals}
+        fixes = {f[1]: _fixes(packed.resolved(log / f[1]), f[2]) for f in rivals}
         claims = {name: np.inf if g is None else _claim(g) for name, g in fixes.items()}
         best, second = sorted(rivals, key=lambda f: claims[f[1]])[:2]
         if claims[best[1]] < 0.5 * claims[second[1]]:

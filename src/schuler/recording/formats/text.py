@@ -18,7 +18,7 @@ from schuler.recording.io.assemble import CONVERTED, recording_from
 from schuler.recording.io.hint_texts import ColumnSpec, factor, parse_columns, parse_units
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import COUNTER, Raw
-from schuler.recording.io.text_head import EXAMPLE, Opening, columns_of, open_text
+from schuler.recording.io.text_head import EXAMPLE, Opening, columns_of, is_in_space, open_text
 from schuler.recording.recording import Recording
 
 #: Start of the comment line by which our own CSV files are known; a JSON document follows.
@@ -121,7 +121,9 @@ def recognised_series(path: Path) -> tuple[str, ...]:
     }
     held = _several(series) or (tuple(series) if len(series) == 1 else ())
     whole = tuple(name for name in held if complete[name] <= set(names))
-    return whole if whole[:1] == held[:1] else ()  # an IMU beside places without a height is one
+    if whole[:1] != held[:1] or (whole == ("reference",) and not is_in_space(opening)):
+        return ()
+    return whole  # an IMU beside places without a height is one
 
 
 def _load(opening: Opening, hints: ReadHints) -> Raw:

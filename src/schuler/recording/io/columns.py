@@ -83,7 +83,7 @@ def _spellings() -> dict[str, str]:
     for axis in "ned":
         table |= {f"pos_{axis}": axis, f"v_{axis}": f"v{axis}", f"vel_{axis}": f"v{axis}", f"sigma_{axis}": f"s{axis}"}
         table |= {f"sigma_v{axis}": f"sv{axis}", f"sd_{axis}": f"s{axis}"}
-    for word in ("time", "timestamp", "stamp", "tow", "gps_tow", "gpstow", "gps_time", "seconds"):
+    for word in ("time", "timestamp", "stamp", "tow", "gps_tow", "gpstow", "gps_time", "seconds", "ts"):
         table[word] = "t"
     table |= {"temperature": "temp", "tmp": "temp", "latitude": "lat", "longitude": "lon", "lng": "lon", "height": "h"}
     table |= dict.fromkeys(("altitude", "alt"), "h")
@@ -99,22 +99,26 @@ def _spellings() -> dict[str, str]:
 
 
 #: Names of a time where no other column is one.
-_LATE_CLOCKS = ("unix_time", "unixtime", "unix", "datetime", "date_time")
+_LATE_CLOCKS = ("unix_time", "unixtime", "unix", "datetime", "date_time", "epoch")
 _SPELLINGS = _spellings()
 #: What stands before a name in tables of several sensors.
 _PREFIXES = ("imu_", "gps_", "gnss_", "field_")
 #: Names of a time that say its unit.
-_CLOCKS = {"ms": "ms", "msec": "ms", "millis": "ms", "us": "us", "usec": "us", "micros": "us"}
+_CLOCKS = {
+    "ms": "ms", "msec": "ms", "millis": "ms", "milliseconds": "ms", "us": "us", "usec": "us", "micros": "us",
+    "microseconds": "us", "nanoseconds": "ns",
+}  # fmt: skip
 # what follows an underscore in names such as ax_m_s2; longer endings are tried first
 _ENDINGS = {
     "m_s2": "m/s^2", "mps2": "m/s^2", "ms2": "m/s^2", "mg": "mg", "g": "g", "rad_s": "rad/s", "rads": "rad/s",
-    "rps": "rad/s", "deg_s": "deg/s", "dps": "deg/s", "mdps": "mdps", "degs": "deg/s", "deg_h": "deg/h",
+    "rps": "rad/s", "radps": "rad/s", "degps": "deg/s",
+    "deg_s": "deg/s", "dps": "deg/s", "mdps": "mdps", "degs": "deg/s", "deg_h": "deg/h",
     "s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns", "rad": "rad", "deg": "deg", "m_s": "m/s", "mps": "m/s",
     "km_h": "km/h", "kmh": "km/h", "kmph": "km/h", "kph": "km/h", "kn": "kn", "kt": "kn",
     "knots": "kn", "m": "m", "degc": "degC", "c": "degC", "ut": "uT", "nt": "nT", "gauss": "gauss",
     "mgauss": "mgauss",
 }  # fmt: skip
-_NO_UNITS = ("", "wgs84", "txt")  # what apps write in brackets besides
+_NO_UNITS = re.compile(r"|wgs84|txt|utc|gmt|local|[+-]?\d\d:\d\d")  # what apps write in brackets besides
 _LONGEST = 200  # characters of a name worth looking at
 _HUMP = re.compile(r"([a-z0-9])([A-Z])")
 _BRACKETED = re.compile(r"^(.*?)\s*(?:\[\s*([^\]]*?)\s*\]|\(\s*([^)]*?)\s*\))\s*$")
@@ -214,7 +218,7 @@ def unit_in(header: str) -> str | None:
     if (column := recognise(header)) is not None:
         return column[1]
     text, unit = _text_and_unit(header)
-    return unit or header_words.time_unit(text)
+    return unit or header_words.time_unit(text) or header_words.sensor_unit(text)
 
 
 def _text_and_unit(header: str) -> tuple[str, str | None]:
@@ -224,7 +228,7 @@ def _text_and_unit(header: str) -> tuple[str, str | None]:
     unit = "" if match is None else match[2] or match[3] or ""
     if match is None or unit.isdigit():
         return text, None
-    return match[1], None if unit.lower() in _NO_UNITS else unit
+    return match[1], None if _NO_UNITS.fullmatch(unit.lower()) else unit
 
 
 def _plain(text: str) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from schuler.exceptions import FileFormatError, InputError, ReaderError, SchulerError
-from schuler.recording.io import columns, lines
+from schuler.recording.io import columns, lines, packed
 from schuler.recording.io.gnss_table import reference_from_gnss, with_truth_fixes
 from schuler.recording.io.hint_texts import SATELLITES, SERIES, parse_time
 from schuler.recording.io.hints import ReadHints
@@ -73,11 +73,11 @@ def read(path: Path | str, hints: ReadHints | None = None, **more: Any) -> Recor
     >>> read("drive.csv", columns="ax,ay,az,gx,gy,gz,t", units="g,deg/s,ms", axes="FLU")  # doctest: +SKIP
     """
     path = Path(path)
-    if path.is_dir():
+    entries = any(isinstance(entry, Mapping) and name != "streams" for name, entry in more.items())
+    if path.is_dir() or ((entries or (hints is None and not more)) and packed.tables(path)):
         from schuler.recording.io.folder import read_folder
 
-        entries = any(isinstance(entry, Mapping) and name != "streams" for name, entry in more.items())
-        whole = None if entries else _folder_format(path, hints, more.get("format"))
+        whole = None if entries or path.is_file() else _folder_format(path, hints, more.get("format"))
         if whole is not None:
             return read_one(path, _with(hints, more))
         if hints is not None:

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from schuler import files
 from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.recording.formats import registry, rtklib, text
-from schuler.recording.io import columns, dispatch, lines, streams
+from schuler.recording.io import columns, dispatch, lines, packed, streams
 from schuler.recording.io.columns import check_known
 from schuler.recording.io.hint_texts import SATELLITES, SAY_WHICH, SERIES
 from schuler.recording.io.hints import ReadHints
@@ -30,7 +31,7 @@ def read_folder(path: Path | str, parts: Mapping[str, Mapping[str, Any]] | None 
     Parameters
     ----------
     path : Path or str
-        The folder.
+        The folder, or a file that holds several tables (:mod:`schuler.recording.io.packed`).
     parts : mapping, optional
         For each of ``imu``, ``gnss``, ``odometer``, ``reference``, ``observations``, ``ephemerides`` an entry
         ``{"file": NAME, hint: value, ...}`` (see :class:`ReadHints`). An IMU in two files is given as ``accel`` and
@@ -49,7 +50,7 @@ def read_folder(path: Path | str, parts: Mapping[str, Mapping[str, Any]] | None 
         If files are missing or ambiguous, or their clocks cannot be related.
     """
     path = Path(path)
-    if not path.is_dir():
+    if not path.is_dir() and not packed.tables(path):
         raise FileFormatError("expected a folder", path)
     notes: tuple[str, ...] = ()
     if not parts:
@@ -110,7 +111,7 @@ def _read_part(
     else:
         given.setdefault("series", part)
     file = path / str(entry["file"])
-    recording = dispatch.read_one(file, ReadHints.of(**given), glonass_channels)
+    recording = _read_file(file, ReadHints.of(**given), glonass_channels)
     kept_parts = {part, "ephemerides"} if part == "observations" and with_ephemerides else {part}
     surplus = [n for n in (*SERIES, *SATELLITES) if n not in kept_parts and getattr(recording, n) is not None]
     if part not in ("accel", "gyro") and surplus:
@@ -122,6 +123,20 @@ def _read_part(
     file_notes = recording.metadata.notes
     notes = tuple(note if note.startswith(f"{file.name}: ") else f"{file.name}: {note}" for note in file_notes)
     return replace(recording, metadata=replace(recording.metadata, notes=notes))
+
+
+def _read_file(file: Path, hints: ReadHints, glonass_channels: Mapping[int, int] | None) -> Recording:
+    """A file, or a table of a file that holds several, whose notes and sources are that file's."""
+    table = packed.resolved(file)
+    if table == file:
+        return dispatch.read_one(file, hints, glonass_channels)
+    try:
+        recording = dispatch.read_one(table, hints)
+    except SchulerError as error:
+        raise type(error)(str(error).replace(str(table), str(file))) from error
+    note = packed.note_on(file)
+    metadata = recording.metadata.noting(*([note] if note else []))
+    return replace(recording, metadata=replace(metadata, sources={file.parent.name: files.sha256(file.parent)}))
 
 
 def _joined(path: Path, halves: Mapping[str, Recording]) -> Recording:
@@ -163,12 +178,12 @@ def _found(path: Path) -> tuple[dict[str, dict[str, Any]], list[str]]:
     """One file per series where that is all there is, and the names of the others."""
     candidates: dict[str, list[str]] = {}
     ignored = []
-    for file in sorted(p for p in path.iterdir() if p.is_file() and not p.name.startswith(".")):
-        held = recognised(file)
+    for name in names_in(path):
+        held = recognised(packed.resolved(path / name))
         for series in held:
-            candidates.setdefault(series, []).append(file.name)
+            candidates.setdefault(series, []).append(name)
         if not held:
-            ignored.append(file.name)
+            ignored.append(name)
     listing = "; ".join(f"{series}: {', '.join(names)}" for series, names in candidates.items()) or "nothing recognised"
     advice = f"{SAY_WHICH}imu={{'file': 'NAME', 'units': 'g,deg/s'}}, gnss={{'file': 'NAME'}}"
     if not candidates or any(len(names) > 1 for series, names in candidates.items() if series != "ephemerides"):
@@ -178,6 +193,19 @@ def _found(path: Path) -> tuple[dict[str, dict[str, Any]], list[str]]:
     return {series: {"file": names if len(names) > 1 else names[0]} for series, names in candidates.items()}, ignored
 
 
+def names_in(path: Path) -> list[str]:
+    """Files of a folder, or the tables of a file that holds several; those of such a file of a folder beside it.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    if path.is_file():
+        return list(packed.tables(path))
+    every = sorted(p for p in path.iterdir() if p.is_file() and not p.name.startswith("."))
+    return [name for p in every for name in ([f"{p.name}/{table}" for table in packed.tables(p)] or [p.name])]
+
+
 def folders_in(path: Path) -> str:
     """Advice to give one of the folders in a folder that has no readable files of its own; empty if it has none.
 
@@ -185,7 +213,9 @@ def folders_in(path: Path) -> str:
     ----------
     path : Path
     """
-    names = sorted(p.name for p in path.iterdir() if p.is_dir() and not p.name.startswith("."))
+    names = sorted(
+        p.name for p in (path.iterdir() if path.is_dir() else ()) if p.is_dir() and not p.name.startswith(".")
+    )
     return f"give one of the folders in it: {listed(names)}" if names else ""
 
 

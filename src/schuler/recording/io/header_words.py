@@ -19,22 +19,29 @@ _SENSORS = {
 }
 _GENERAL = {
     "a": (("specific", "force"), ("g", "force")),
-    "g": (("rotation", "rate"), ("angular", "rate"), ("angular", "velocity")),
+    "g": (("rotation", "rate"), ("angular", "rate"), ("angle", "rate"), ("angular", "velocity")),
 }
 _AXES = {"x": 0, "y": 1, "z": 2}
+#: Axes of a vehicle: of its accelerations, and of its rates.
+_VEHICLE = {
+    "a": {"inline": 0, "longitudinal": 0, "forward": 0, "lateral": 1, "vertical": 2, "down": 2},
+    "g": {"roll": 0, "pitch": 1, "yaw": 2},
+}
 _PLACES = {
-    "lat": ("lat", "latitude"),
+    "lat": ("lat", "latitude", "latit"),
     "lon": ("lon", "long", "lng", "longitude"),
     "h": ("alt", "altitude", "height", "elevation"),
     "speed": ("speed",),
-    "course": ("course", "heading", "bearing", "cog"),
+    "course": ("course", "heading", "bearing", "cog", "track"),
 }
 _VELOCITY = {"n": "vn", "e": "ve", "d": "vd", "north": "vn", "east": "ve", "down": "vd"}
 _TIME = ("time", "timestamp", "cts", "clock", "millis", "micros")
 #: Words of a sensor or a receiver, which do not tell one from another of their kind.
 _RECEIVER = frozenset(("gps", "gnss", "location"))
 #: Words that tell nothing: of a speed over ground in two dimensions, of a place in two numbers, of the first receiver.
-_FILLERS = frozenset(("ground", "over", "2", "d", "coord", "0", "1", "degrees", "deg", "meters", "metres", "mps"))
+_FILLERS = frozenset(
+    ("ground", "over", "2", "d", "coord", "0", "1", "degrees", "deg", "meters", "metres", "mps", "pos", "position")
+)
 #: Words that make another quantity of what they stand beside: motion without gravity, attitudes, claims, commands.
 _OTHERS = frozenset((
     "linear", "user", "free", "gravity", "world", "earth", "global", "enu", "ned", "bias", "offset", "std", "sigma",
@@ -43,6 +50,7 @@ _OTHERS = frozenset((
     "uncertainty", "dop", "hdop", "vdop", "pdop", "fix", "status", "temp", "temperature", "delta", "uncalibrated",
     "vertical", "gt", "truth", "true", "ekf", "filtered", "estimated", "fused", "ins",
 ))  # fmt: skip
+_RATES = {"rad": "rad/s", "rads": "rad/s", "deg": "deg/s", "dps": "deg/s", "mdps": "mdps"}
 _TIME_UNITS = {"ms": "ms", "msec": "ms", "millis": "ms", "us": "us", "micros": "us", "ns": "ns", "s": "s", "sec": "s"}
 
 
@@ -81,12 +89,22 @@ def time_unit(text: str) -> str | None:
     return _TIME_UNITS.get(words[-1]) if set(_TIME) & set(words[:-1]) else None
 
 
+def sensor_unit(text: str) -> str | None:
+    """Unit among the words of a sensor's name, ``gyro_rad[0]`` or ``accelerometer_m_s2[0]``; None if there is none."""
+    words = words_of(text)
+    if set(_SENSORS["g"]) & set(words):
+        return next((unit for word, unit in _RATES.items() if word in words), None)
+    metres = any(words[k : k + 3] == ["m", "s", "2"] for k in range(len(words)))
+    return "m/s^2" if metres and set(_SENSORS["a"]) & set(words) else None
+
+
 def _triad(words: Sequence[list[str]], stem: str) -> dict[int, str]:
     """Axes of the one sensor of a kind that has all three; the more telling its words, the likelier."""
     families: defaultdict[tuple[str, ...], dict[int, int]] = defaultdict(dict)
     for k, field in enumerate(words):
         split = _sensor_and_axis(field, stem)
-        if split is not None and not _OTHERS & set(field):
+        others = _OTHERS - {"angle", "roll", "pitch", "yaw"} if "rate" in field else _OTHERS - {"vertical"}
+        if split is not None and not others & set(field):
             families[split[0]].setdefault(split[1], k)
     whole = {family: axes for family, axes in families.items() if len(axes) == 3}
     likely = [axes for family, axes in whole.items() if _is_sensor(family, stem)] or list(whole.values())
@@ -98,6 +116,10 @@ def _triad(words: Sequence[list[str]], stem: str) -> dict[int, str]:
 def _sensor_and_axis(field: list[str], stem: str) -> tuple[tuple[str, ...], int] | None:
     """Words of a sensor of a kind without its axis, and the axis: a letter or a number behind them, or between."""
     general = _GENERAL.get(stem, ())
+    for word, axis in _VEHICLE.get(stem, {}).items():
+        rest = [other for other in field if other != word]
+        if word in field and (("rate" in rest) if stem == "g" else bool(set(_SENSORS[stem]) & set(rest))):
+            return tuple(rest), axis
     for k in range(len(field) - 1, -1, -1):
         word, rest = field[k], [*field[:k], *field[k + 1 :]]
         joined = word[-1:] in _AXES and word[:-1] in _SENSORS[stem]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +13,7 @@ from schuler.recording.io import columns, dates, lines
 from schuler.recording.io.hint_texts import parse_columns
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import TextTable
+from schuler.recording.io.possible import RADII
 from schuler.units import parse_unit
 
 _COMMENTS = ("#", "%", "//")
@@ -71,12 +73,13 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
                 table = replace(table, first=first or number)
                 names = _header(table, header, fields) if header else _commented_header(table, comments, fields)
                 if units and names:
-                    names = names[0], [f"{name} [{unit}]" for name, unit in zip(names[1], units, strict=True)]
+                    names = names[0], [_with_unit(*pair) for pair in zip(names[1], units, strict=True)]
                 if table.decimal == "." and _has_decimal_commas(table, line, stream):
                     table = replace(table, decimal=",")
                 return Opening(table, tuple(comments), names, fields)
-            if above and len(fields) == len(above) and _are_units(fields):
-                units = fields
+            whole = replace(table, comment="\n").split(line) if above else []  # a unit may be a #
+            if above and len(whole) == len(above) and (units or _are_units(whole)):
+                units = units or whole  # below them a logger may name the source of each column
                 continue
             if header is not None and (number > _BANNER or above):
                 raise FileFormatError(
@@ -94,7 +97,12 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
 
 
 def _names_columns(fields: list[str]) -> bool:
-    """Whether a line of words is a header: a field names a column, or all together name more than a time."""
+    """Whether a line of words is a header: a field names a column, or all together name more than a time.
+
+    Of two fields both have to: ``Time,10:11 AM`` and ``Driver,X`` are settings.
+    """
+    if len(fields) == 2:
+        return all(map(columns.recognise, fields))
     together = columns.recognise_all(fields)
     return any(map(columns.recognise, fields)) or any(column is not None and column[0] != "t" for column in together)
 
@@ -106,14 +114,20 @@ def _is_entry(field: str) -> bool:
 
 def _are_units(fields: list[str]) -> bool:
     """Whether a line below a header states units: most of its fields are some."""
-    units = 0
-    for field in fields:
-        try:
-            parse_unit(field.strip("\"'[] "))
-        except SchulerError:
-            continue
-        units += 1
-    return 2 * units > len(fields)
+    return 2 * sum(map(_is_unit, fields)) > len(fields)
+
+
+def _is_unit(field: str) -> bool:
+    try:
+        parse_unit(field.strip("\"'[] "))
+    except SchulerError:
+        return False
+    return True
+
+
+def _with_unit(name: str, unit: str) -> str:
+    """A column's name with the unit below it, if it is one."""
+    return f"{name} [{unit}]" if _is_unit(unit) else name
 
 
 def _has_points(fields: Iterable[str]) -> bool:
@@ -151,6 +165,14 @@ def columns_of(opening: Opening) -> list[tuple[str, str | None] | None]:
         if len(stamps) == 1 and read[stamps[0]] is None:
             read[stamps[0]] = ("t", None)
     return read
+
+
+def is_in_space(opening: Opening) -> bool:
+    """Whether x, y, z of the first row are as far from the centre of the Earth as a vehicle is; or of some sensor."""
+    names = [column and column[0] for column in columns_of(opening)]
+    place = [opening.fields[names.index(name)] for name in columns.ECEF]
+    size = math.hypot(*map(float, place)) if all(map(lines.is_number, place)) else 0.0
+    return RADII[0] <= size <= RADII[1]
 
 
 def _header(table: TextTable, header: tuple[int, str], fields: list[str]) -> tuple[int, list[str]]:

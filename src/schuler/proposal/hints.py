@@ -1,0 +1,210 @@
+"""Hints of a single table: columns, units, clock and accuracy, as far as header and numbers tell them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.exceptions import FileFormatError
+from schuler.proposal import tables
+from schuler.proposal.decision import Decision
+from schuler.recording.formats import nmea, registry, rtklib, text
+from schuler.recording.io import columns, lines, text_head
+from schuler.recording.io.hints import ReadHints
+
+#: End of the evidence of a unit that only motion can tell.
+UNTIL = "rad/s until the motion says otherwise"
+_ARRAYS = (".npy", ".npz", ".mat")
+_MOST_DEG = 180.0
+#: Factors of a u-blox receiver's whole numbers (NAV-PVT): degrees, metres, metres a second.
+_UBLOX = {"lat": 1e-7, "lon": 1e-7, "h": 1e-3, "speed": 1e-3, "course": 1e-5, "heading": 1e-5}
+_SPEED_SIGMA = 0.1  # of wheels that do not say theirs [m/s]
+
+
+def half_hints(path: Path, part: str) -> tuple[dict[str, Any], list[Decision]]:
+    """Hints of a file of an accelerometer or a gyroscope alone."""
+    columns, evidence = tables.half_columns(path, part)
+    entry: dict[str, Any] = {} if columns is None else {"columns": columns}
+    decisions = [Decision(f"recording.{part}.file", path.name, evidence)]
+    names, stated = _layout(path, columns)
+    triad = "ax" if part == "accel" else "gx"
+    if triad not in stated:
+        unit = UNTIL.partition(" ")[0]
+        if part == "accel":
+            unit = tables.accel_unit(tables.norm(path, [names.index(name) for name in ("ax", "ay", "az")]))
+        entry["units"] = f"{part}={unit}"
+    t = tables.column(path, names.index("t")) if "t" in names else None
+    if t is not None and "t" in stated:
+        return (entry, decisions) if tables.unix_unit(t) is None else (entry | {"time": "unix"}, decisions)
+    if t is not None and (clock := tables.time_unit(t)) is not None:
+        if clock[0] != "s":
+            entry["units"] = ",".join(filter(None, (entry.get("units"), f"t={clock[0]}")))
+        if clock[1] is not None:
+            entry["time"] = clock[1]
+    return entry, decisions
+
+
+def table_hints(path: Path, section: str, part: str | None) -> tuple[dict[str, Any] | None, list[Decision]]:
+    """Hints of a plain table: columns where no header names them, the unit of time; None if it cannot be match."""
+    entry: dict[str, Any] = {}
+    decisions: list[Decision] = []
+    if part is None:
+        match = tables.imu_columns(path)
+        if match is None:
+            return None, []
+        entry["columns"] = match[0]
+        decisions.append(Decision(f"{section}.columns", match[0], match[1]))
+    if part not in (None, "imu"):
+        entry, decisions = _clock(path, section)
+        if part == "gnss" and (scale := _whole_units(path)):
+            entry["scale"] = scale
+            why = "whole numbers beyond 180: u-blox's units, 1e-7 deg, mm, mm/s and 1e-5 deg"
+            decisions.append(Decision(f"{section}.scale", scale, why))
+        accuracy, more = ({}, []) if section.endswith("reference") else accuracy_hints(path, section, part)
+        return entry | accuracy, decisions + more
+    names, stated = _layout(path, entry.get("columns")) if path.suffix.lower() not in _ARRAYS else (
+        str(entry["columns"]).split(","), set()
+    )  # fmt: skip
+    if "t" not in names and (at := tables.clock_column(path, names)) is not None:
+        names[at] = "t"
+        entry["columns"] = ",".join(names)
+        decisions.append(Decision(f"{section}.columns", entry["columns"], f"column {at + 1} increases like a clock"))
+    units: dict[str, str] = {}
+    why = ""
+    accel = [names.index(name) for name in columns.ACCEL if name in names]
+    if len(accel) == 3 and "ax" not in stated:
+        norm = tables.norm(path, accel)
+        units["accel"] = tables.accel_unit(norm)
+        why = f"the norm of specific force is about {norm:.4g}"
+    if "gx" in names and "gx" not in stated:
+        units["gyro"] = "rad/s"
+        why = f"{why}; {UNTIL}" if why else UNTIL
+    if units:
+        decisions.append(Decision(f"{section}.units", "", why))
+    t = tables.column(path, names.index("t")) if "t" in names else None
+    clock = None if t is None or "t" in stated else tables.time_unit(t)
+    if t is not None and "t" in stated and (unit := tables.unix_unit(t)) is not None:
+        dated, more = _dated(section, t, unit)
+        entry, decisions = entry | dated, decisions + more
+    if t is not None and clock is not None:
+        if clock[0] != "s":
+            units["t"] = clock[0]
+            step = float(np.median(np.diff(t)))
+            stamps = f"stamps step by {step:g}, which is no other unit of an IMU's"
+            why = f"{stamps}; {why}" if why else stamps
+            decisions = [d for d in decisions if d.entry != f"{section}.units"]
+            decisions.append(Decision(f"{section}.units", "", why))
+        if clock[1] is not None:
+            entry["time"] = clock[1]
+            decisions.append(
+                Decision(f"{section}.time", clock[1], f"stamps of {t[0]:.6g} {clock[0]} are of this century")
+            )
+    if units:
+        entry["units"] = ",".join(f"{group}={unit}" for group, unit in units.items())
+        decisions = [replace(d, value=entry["units"]) if d.entry == f"{section}.units" else d for d in decisions]
+    return entry, decisions
+
+
+def _clock(path: Path, section: str) -> tuple[dict[str, Any], list[Decision]]:
+    """Hints of a table's clock where its stamps are Unix time, as those of an IMU's beside it are then told."""
+    names, stated = _layout(path, None)
+    t = tables.column(path, names.index("t")) if "t" in names else None
+    unit = None if t is None else tables.unix_unit(t)
+    if t is not None and "t" in stated:
+        return _dated(section, t, unit) if unit is not None else ({}, [])
+    counted = None if t is None or "ax" not in names else tables.time_unit(t)  # those of the IMU in the same table
+    if t is not None and unit is None and counted is not None and counted[0] != "s":
+        unit = counted[0]
+        return {"units": f"t={unit}"}, [Decision(f"{section}.units", f"t={unit}", "as of the IMU in the same rows")]
+    if t is None or unit is None:
+        return {}, []
+    entry = {"time": "unix"} | ({} if unit == "s" else {"units": f"t={unit}"})
+    why = f"stamps of {t[0]:.6g} {unit} are of this century"
+    return entry, [Decision(f"{section}.{name}", value, why) for name, value in entry.items()]
+
+
+def _whole_units(path: Path) -> str:
+    """Hint ``scale`` of fixes in whole numbers, as a u-blox receiver has them; empty if they are none."""
+    names, stated = _layout(path, None)
+    if not {"lat", "lon"} <= set(names) or {"lat", "lon"} & stated:
+        return ""
+    values = {name: tables.column(path, names.index(name)) for name in _UBLOX if name in names and name not in stated}
+    whole = {name: x for name, x in values.items() if x is not None and len(x) and (x == np.round(x)).all()}
+    if not {"lat", "lon"} <= set(whole) or max(np.abs(whole["lat"]).max(), np.abs(whole["lon"]).max()) <= _MOST_DEG:
+        return ""
+    return ",".join(f"{name}={_UBLOX[name]:g}" for name in whole)
+
+
+def _dated(section: str, t: FloatArray, unit: str) -> tuple[dict[str, Any], list[Decision]]:
+    """Hint that stamps whose unit the header states are Unix time."""
+    return {"time": "unix"}, [Decision(f"{section}.time", "unix", f"stamps of {t[0]:.6g} {unit} are of this century")]
+
+
+def accuracy_hints(path: Path, section: str, part: str) -> tuple[dict[str, Any], list[Decision]]:
+    """Accuracy of a table's fixes or speeds where no column states it: rules of thumb, as for NMEA without GST."""
+    names, _ = _layout(path, None)
+    if part == "odometer" and "speed" in names and "sspeed" not in names:
+        why = f"no column states an accuracy; {_SPEED_SIGMA:g} m/s is typical of wheels"
+        return {"sigma_speed": _SPEED_SIGMA}, [Decision(f"{section}.sigma_speed", _SPEED_SIGMA, why)]
+    missing = part == "gnss" and names and not set(columns.SIGMA) <= set(names)
+    if not missing or not {"lat", "n", "x"} & set(names):
+        return {}, []
+    level = nmea.RANGE_ERROR[1]
+    numbers = [level, level, nmea.VERTICAL * level]
+    if set(columns.VELOCITY[:2]) <= set(names) and not set(columns.VELOCITY_SIGMA[:2]) <= set(names):
+        numbers += [nmea.RATE_ERROR] * 3
+    sigma = ",".join(f"{number:g}" for number in numbers)
+    why = "no column states an accuracy; that of a receiver by itself, from which filter.tune finds the log's own"
+    return {"sigma": sigma}, [Decision(f"{section}.sigma", sigma, why)]
+
+
+def unit_of(entry: Mapping[str, Any] | None, group: str) -> str | None:
+    """Unit that an entry states of a group of columns."""
+    pairs = str((entry or {}).get("units", "")).split(",")
+    return next((pair.partition("=")[2] for pair in pairs if pair.startswith(f"{group}=")), None)
+
+
+def span_of(path: Path) -> tuple[float, float] | None:
+    """First and last stamp of a table's first rows, as written and where no unit is stated; None if it has none."""
+    if not path.is_file() or not is_plain(path):
+        return None
+    names, stated = _layout(path, None)
+    t = tables.column(path, names.index("t")) if "t" in names and "t" not in stated else None
+    return None if t is None or not len(t) else (float(t[0]), float(t[-1]))
+
+
+def _layout(path: Path, given: str | None) -> tuple[list[str], set[str]]:
+    """Names of a table's columns, and those whose unit its header states."""
+    opening = text_head.open_text(path, ReadHints())
+    fields = [] if opening.header is None else opening.header[1]
+    read = text_head.columns_of(opening)
+    names = given.split(",") if given is not None else [column[0] if column else "-" for column in read]
+    units = [columns.unit_in(field) for field in fields]
+    return names, {name for name, unit in zip(names, units, strict=False) if unit is not None}
+
+
+def is_plain(path: Path) -> bool:
+    """Whether a file is a table of text that no format claims."""
+    head = head_of(path)
+    if not head or b"\x00" in head or head.startswith(b"PAR1") or path.suffix.lower() in _ARRAYS:
+        return False
+    if registry.find(head, path) is not None or rtklib.looks_like_pos(head) or path.suffix.lower() == ".pos":
+        return False
+    if text.OWN_MARK.encode() in head:
+        return False
+    from schuler.recording.io.satellite_files import kinds_of
+
+    return not kinds_of(path, head)
+
+
+def head_of(path: Path) -> bytes:
+    """First bytes of a file; nothing where it cannot be read."""
+    try:
+        return lines.check_file(path)
+    except FileFormatError:
+        return b""

@@ -1,0 +1,217 @@
+"""Files that hold several tables are read as a folder of them: the same numbers, whatever their form."""
+
+import functools
+import json
+import operator
+
+import numpy as np
+import pytest
+
+from schuler import read
+from schuler.exceptions import FileFormatError, SchulerError
+from schuler.proposal.files import files_of
+from schuler.recording.io import packed
+
+N = 240
+T = np.arange(N) / 50.0
+RNG = np.random.default_rng(3)
+ACCEL = np.round(RNG.normal([0.2, -0.1, -9.8], 0.3, (N, 3)), 4)
+GYRO = np.round(RNG.normal(0.0, 0.2, (N, 3)), 5)
+FIX = np.arange(0, N, 50)  # a fix a second
+LLH = np.array([[48.7 + 1e-5 * k, 9.1 - 2e-5 * k, 300.0 + k] for k in range(len(FIX))])
+
+
+def texts(values):
+    return [repr(float(x)) for x in values]
+
+
+def interleaved(imu, fix):
+    """Lines of samples with those of fixes between them."""
+    out = []
+    for k in range(N):
+        out += imu(k)
+        if k in FIX:
+            out.append(fix(int(np.flatnonzero(k == FIX)[0])))
+    return out
+
+
+def json_lines(kinds):
+    """Objects by the keys they have, or by a key that says what they are."""
+    word = {"sensor": "imu"}, {"sensor": "gps"}
+    return interleaved(
+        lambda k: [json.dumps({**(word[0] if kinds else {}), "t": T[k], "acc": ACCEL[k].tolist(),
+                               "gyro": dict(zip("xyz", GYRO[k].tolist(), strict=True))})],
+        lambda k: json.dumps({**(word[1] if kinds else {}), "t": T[FIX[k]], "lat": LLH[k, 0], "lon": LLH[k, 1],
+                              "alt": LLH[k, 2], "ok": True}),
+    )  # fmt: skip
+
+
+def json_list():
+    return ["[" + ",\n".join(json_lines(False)) + "]"]
+
+
+def labels():
+    names = ("ax", "ay", "az", "gx", "gy", "gz")
+    return interleaved(
+        lambda k: [
+            " ".join(f"{n}:{x}" for n, x in zip(("t", *names), texts([T[k], *ACCEL[k], *GYRO[k]]), strict=True))
+        ],
+        lambda k: f"t={T[FIX[k]]}, lat={LLH[k, 0]}, lon={LLH[k, 1]}, alt={LLH[k, 2]}",
+    )
+
+
+def words():
+    head = ["% ACCE;AppTimestamp(s);SensorTimestamp(s);Acc_X(m/s^2);Acc_Y(m/s^2);Acc_Z(m/s^2)",
+            "% GYRO;AppTimestamp(s);SensorTimestamp(s);Gyr_X(rad/s);Gyr_Y(rad/s);Gyr_Z(rad/s)"]  # fmt: skip
+    return head + interleaved(
+        lambda k: [";".join(["ACCE", *texts([T[k], 7e4 + T[k], *ACCEL[k]])]),
+                   ";".join(["GYRO", *texts([T[k], 7e4 + T[k], *GYRO[k]])])],
+        lambda k: ";".join(["GNSS", *texts([T[FIX[k]], *LLH[k]])]),
+    )  # fmt: skip
+
+
+def column():
+    return ["time,sensor,x,y,z", *interleaved(
+        lambda k: [",".join([repr(float(T[k])), name, *texts(v)])
+                   for name, v in (("accelerometer", ACCEL[k]), ("gyroscope", GYRO[k]))],
+        lambda k: ",".join([repr(float(T[FIX[k]])), "location", *texts(LLH[k])]),
+    )]  # fmt: skip
+
+
+def labels_behind_a_log():
+    """Levels, milliseconds and a name before each line, as ESP-IDF writes them."""
+    names = ("ax", "ay", "az", "gx", "gy", "gz")
+    return ["I (311) boot: ESP-IDF v5.0"] + [
+        f"I ({1000.0 * t:.0f}) MPU6050: " + " ".join(f"{n}={x}" for n, x in zip(names, texts([*a, *g]), strict=True))
+        for t, a, g in zip(T, ACCEL, GYRO, strict=True)
+    ]
+
+
+FORMS = {
+    "json": (lambda: json_lines(False), "json"), "json with a kind": (lambda: json_lines(True), "json"),
+    "list": (json_list, "json-list"), "labels": (labels, "labels"), "words": (words, "words"),
+    "column": (column, "column"),
+}  # fmt: skip
+
+
+def written(tmp_path, rows, name="log.txt"):
+    path = tmp_path / name
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def as_proposed(path):
+    files = files_of([path], {})
+    return files, read(files.log, **files.entries)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_lines_that_say_what_they_are_hold_the_numbers_of_an_imu_and_of_fixes(form, tmp_path):
+    rows, kind = FORMS[form]
+    path = written(tmp_path, rows())
+    assert packed.kind_of(path) == kind
+    files, recording = as_proposed(path)
+    imu, gnss = recording.need_imu(), recording.need_gnss()
+    np.testing.assert_allclose(imu.t - imu.t[0], T, atol=1e-9)  # rounding
+    np.testing.assert_array_equal(imu.accel, ACCEL)
+    np.testing.assert_array_equal(imu.gyro, GYRO)
+    np.testing.assert_allclose(np.rad2deg(gnss.llh[:, :2]), LLH[:, :2], atol=1e-12)  # rounding
+    np.testing.assert_array_equal(gnss.llh[:, 2], LLH[:, 2])
+    np.testing.assert_allclose(gnss.t - imu.t[0], T[FIX], atol=1e-9)
+    assert list(recording.metadata.sources) == ["log.txt"]
+    beside = tmp_path / "folder"
+    beside.mkdir()
+    written(beside, rows())
+    again = as_proposed(beside)
+    assert again[0].entries["gnss"]["file"] == f"log.txt/{files.entries['gnss']['file']}"
+    np.testing.assert_array_equal(again[1].need_imu().accel, ACCEL)
+
+
+def test_lines_of_no_table_are_counted(tmp_path):
+    rows = json_lines(False)
+    rows[40], rows[90] = rows[40][:25], "garbage"
+    path = written(tmp_path, rows)
+    _, recording = as_proposed(path)
+    assert len(recording.need_imu()) == N - 2
+    assert any("2 lines of log.txt are of no table" in note for note in recording.metadata.notes)
+
+
+def test_a_list_that_was_cut_off_is_refused(tmp_path):
+    with pytest.raises(FileFormatError, match="was it cut off"):
+        packed.tables(written(tmp_path, [json_list()[0][:-300]]))
+
+
+def test_a_column_of_remarks_does_not_split_a_table(tmp_path):
+    rows = [",".join([*texts([T[k], *ACCEL[k], *GYRO[k]]), "lap" if k % 50 == 0 else "none"]) for k in range(N)]
+    path = written(tmp_path, ["time,ax,ay,az,gx,gy,gz,event", *rows])
+    assert packed.kind_of(path) is None
+    np.testing.assert_array_equal(read(path, units="m/s^2,rad/s").need_imu().accel, ACCEL)
+
+
+@pytest.mark.parametrize(
+    "text", ["{}\n" * 9, "[{}, 1, null, [2]]", '{"a": ' * 4000, "a:1 b:2 c:3 d:4\n" * 2, "[[1, 2]]"]
+)
+def test_what_is_no_log_is_refused_or_none(text, tmp_path):
+    path = tmp_path / "log.json"
+    path.write_text(text)
+    assert packed.tables(path) in ((), ("others.csv",))
+    with pytest.raises(SchulerError):
+        read(path)
+
+
+def test_a_table_that_is_not_in_a_file_is_named_with_those_that_are(tmp_path):
+    path = written(tmp_path, json_lines(False))
+    with pytest.raises(FileFormatError, match=r"gnss\.csv, imu\.csv"):
+        read(path, imu={"file": "accel.csv"})
+
+
+def test_a_prefix_with_milliseconds_is_a_time(tmp_path):
+    recording = as_proposed(written(tmp_path, labels_behind_a_log()))[1]
+    np.testing.assert_allclose(recording.need_imu().t - recording.need_imu().t[0], T, atol=1e-9)
+    np.testing.assert_array_equal(recording.need_imu().gyro, GYRO)
+
+
+def test_sentences_between_rows_of_numbers_are_a_log_of_their_own(tmp_path):
+    def sentence(k):
+        place = f"GPGGA,1000{k:02d}.00,4842.00{k:02d},N,00906.0000,E,1,10,0.9,300.0,M,47.0,M,,"
+        bodies = place, f"GPZDA,1000{k:02d}.00,01,05,2024,00,00"
+        return "\n".join(f"${body}*{functools.reduce(operator.xor, body.encode()):02X}" for body in bodies)
+
+    rows = interleaved(lambda k: [",".join(["IMU", f"{20 * k}", *texts([*ACCEL[k], *GYRO[k]])])], sentence)
+    path = written(tmp_path, rows)
+    assert packed.tables(path) == ("7_columns.csv", "sentences.csv")
+    gnss = read(path, gnss={"file": "sentences.csv"}).need_gnss()
+    np.testing.assert_allclose(gnss.llh[:, 2], 347.0)
+    assert len(gnss) == len(FIX)
+    imu = read(path, imu={"file": "7_columns.csv", "columns": "t,ax,ay,az,gx,gy,gz", "units": "accel=m/s^2,gyro=rad/s,t=ms"})
+    np.testing.assert_array_equal(imu.need_imu().accel, ACCEL)
+
+
+VBOX = """File created on 12/05/2023 @ 10:11
+
+[header]
+time
+latitude
+longitude
+
+[column names]
+sats time lat long velocity heading height vert-vel x_accel y_accel z_accel roll_rate pitch_rate yaw_rate
+
+[data]
+"""
+
+
+def test_minutes_and_longitudes_to_the_west_of_a_vbox(tmp_path):
+    rows = [
+        f"012 1011{12 + k // 100:02d}.{k % 100:02d} +02922.000229 -{546.0006 + 8e-5 * k:010.5f} 036.0 090.0 "
+        f"+00300.5 +000.00 +0.01 -0.02 +1.0 +9.0 {k % 7:.1f} -3.0"
+        for k in range(300)
+    ]
+    path = tmp_path / "VBOX0001.vbo"
+    path.write_text(VBOX + "\n".join(rows) + "\n")
+    recording = as_proposed(path)[1]
+    imu, gnss = recording.need_imu(), recording.need_gnss()
+    np.testing.assert_allclose(np.diff(imu.t), 0.01, atol=1e-9)
+    np.testing.assert_allclose(imu.gyro[0], np.deg2rad([9.0, 0.0, -3.0]), rtol=1e-12)
+    np.testing.assert_allclose(np.rad2deg(gnss.llh[0, :2]), [2922.000229 / 60.0, 546.0006 / 60.0], atol=1e-9)
+    np.testing.assert_allclose(gnss.v_n[0, :2], [0.0, 10.0], atol=1e-9)

@@ -67,6 +67,29 @@ def test_a_long_run_is_smoothed_in_parts_to_the_last_bit(drive_case, monkeypatch
     assert not parts.can_smooth
 
 
+def test_a_fix_at_the_end_of_what_counts_as_one_time_leaves_no_record_open(drive_case):
+    """A fix 1e-9 s after a sample is taken at it: its node, at the fix's time, is that of the sample's record.
+
+    It was given to the record before, whose memory was used as it came: a NaN in one run of many.
+    """
+    lay = cases.StateLayout({"b_a": cases.StateModel.gauss_markov(0.03, 200.0), "b_g": cases.StateModel.constant(1e-3)})
+
+    def smoothed(late):
+        rng = np.random.default_rng(1)
+        log, _ = cases.corrupted(drive_case, lay, np.zeros(lay.size - 9), rng)
+        schedule = gnss_measurements(cases.fixes(drive_case, rng), cases.LEVER)
+        at = log.t[np.searchsorted(log.t, schedule.t + 1e-6) - 1]
+        schedule = replace(schedule, t=at + late)
+        psd = np.full(3, cases.GYRO_N**2), np.full(3, cases.ACCEL_N**2)
+        forward = run(log, schedule, cases.start(drive_case, lay, rng), lay, *psd, FilterOptions(smoother=True))
+        return NavigationResult.from_run(forward, schedule.t, schedule.kind, lay).smooth()
+
+    exact, late = smoothed(0.0), smoothed(1e-9)
+    # discretisation: 1e-9 s of motion
+    np.testing.assert_allclose(late.states.r_eb_e, exact.states.r_eb_e, atol=1e-6, rtol=0.0)
+    np.testing.assert_allclose(late.covariance_e, exact.covariance_e, rtol=1e-5, atol=1e-12)
+
+
 @pytest.mark.parametrize("readmitted", [False, True])
 def test_smoother_equals_dense_rauch_tung_striebel(drive_case, readmitted):
     """State corrections and covariances at all nodes, by the recursion with inverses; also where P was enlarged."""

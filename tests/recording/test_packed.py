@@ -183,7 +183,9 @@ def test_sentences_between_rows_of_numbers_are_a_log_of_their_own(tmp_path):
     gnss = read(path, gnss={"file": "sentences.csv"}).need_gnss()
     np.testing.assert_allclose(gnss.llh[:, 2], 347.0)
     assert len(gnss) == len(FIX)
-    imu = read(path, imu={"file": "7_columns.csv", "columns": "t,ax,ay,az,gx,gy,gz", "units": "accel=m/s^2,gyro=rad/s,t=ms"})
+    imu = read(
+        path, imu={"file": "7_columns.csv", "columns": "t,ax,ay,az,gx,gy,gz", "units": "accel=m/s^2,gyro=rad/s,t=ms"}
+    )
     np.testing.assert_array_equal(imu.need_imu().accel, ACCEL)
 
 

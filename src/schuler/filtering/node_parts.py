@@ -120,12 +120,14 @@ def smooth_nodes(
     else:
         n, count, parts = nodes.W.shape[2], len(nodes.t), iter([(0, True, nodes)])
     t_nodes, minus, plus = np.empty(count), np.empty((count, 9)), np.empty((count, 9))
-    dx, packed = np.empty((len(t), n)), np.empty((len(t), n * (n + 1) // 2))
+    dx, packed = np.full((len(t), n), np.nan), np.full((len(t), n * (n + 1) // 2), np.nan)
     carry = nothing_after(n)
     left = len(t)
     for first, begins, part in parts:
         own = slice(0 if begins else 1, None)
-        at = np.searchsorted(part.t[own], t[:left] + 1e-9) - 1  # a covariance enlarged at a time makes two of it
+        # as the filter takes a measurement for one at a sample: not later than 1e-9 s after it, which is included; and
+        # a covariance enlarged at a time makes two nodes of it
+        at = np.searchsorted(part.t[own], t[:left] + 1e-9, side="right") - 1
         here = int(np.searchsorted(at, 0))
         record = np.full(len(part.t), -1, dtype=np.int64)
         record[own][at[here:]] = np.arange(here, left)

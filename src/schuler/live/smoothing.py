@@ -58,7 +58,7 @@ def smoothed(run: ReplayFilter, lag_s: float) -> tuple[NavState, FloatArray] | N
     a, u = int(arrays.counts[forward.CNT_NODE]), int(arrays.counts[forward.CNT_UPD])
     nodes = smoother_nodes(node, a, u, state)
     row = int(np.searchsorted(out.t, at, side="right")) - 1
-    k = int(np.searchsorted(nodes.t, out.t[row] + 1e-9)) - 1  # the last of a time, as in a batch run
+    k = int(np.searchsorted(nodes.t, out.t[row] + 1e-9, side="right")) - 1  # the last of a time, as in a batch run
     record = np.full(a, -1, dtype=np.int64)
     record[k] = 0
     minus, plus, dx, packed = np.empty((a, 9)), np.empty((a, 9)), np.empty((1, n)), np.empty((1, n * (n + 1) // 2))

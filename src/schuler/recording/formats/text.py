@@ -335,8 +335,7 @@ def _by_header(opening: Opening, hints: ReadHints, notes: list[str]) -> dict[str
     if header is None:
         shown = lines.shorten(opening.table.delimiter.join(opening.fields))
         raise FileFormatError(
-            f"there is no header, so the {len(opening.fields)} columns are not known: say {EXAMPLE}; "
-            f"the line is {shown}",
+            f"there is no header, so the {len(opening.fields)} columns are not known: say {EXAMPLE}; it is {shown}",
             path,
             opening.table.first,
         )

@@ -162,13 +162,13 @@ def _read_base(file: str | None, recording: Recording, notes: list[str]) -> Obse
         rover = recording.observations
         near = None if rover is None or not len(rover) else rover.epoch_gps_s + float(rover.t[0])
         stream = read_rtcm(file, near)
-        observations, said = stream.observations, stream.notes
+        observations, remarks = stream.observations, stream.notes
     else:
         log = read(Path(file))
-        observations, said = log.observations, log.metadata.notes
+        observations, remarks = log.observations, log.metadata.notes
     if observations is None:
         raise InputError(f"gnss.tight.base.observations: no raw measurements in {file}; give a RINEX or UBX log")
-    notes += [f"base: {note}" for note in said]
+    notes += [f"base: {note}" for note in remarks]
     return observations
 
 

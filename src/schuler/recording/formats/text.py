@@ -128,8 +128,7 @@ def recognised_series(path: Path) -> tuple[str, ...]:
 
 def _load(opening: Opening, hints: ReadHints) -> Raw:
     names, indices, stated, notes, negated = _layout(opening, hints)
-    n_columns = len(opening.fields)
-    beside = bool(_several(columns.series_of(names)))
+    n_columns, beside = len(opening.fields), bool(_several(columns.series_of(names)))
     if beside and hints.series == "imu" and "lat" in names and "h" not in names:
         notes.append(_NO_HEIGHT)
     if beside and hints.series is not None:

@@ -116,10 +116,10 @@ def _triad(words: Sequence[list[str]], stem: str) -> dict[int, str]:
 def _sensor_and_axis(field: list[str], stem: str) -> tuple[tuple[str, ...], int] | None:
     """Words of a sensor of a kind without its axis, and the axis: a letter or a number behind them, or between."""
     general = _GENERAL.get(stem, ())
-    for word, axis in _VEHICLE.get(stem, {}).items():
+    for word, along in _VEHICLE.get(stem, {}).items():
         rest = [other for other in field if other != word]
         if word in field and (("rate" in rest) if stem == "g" else bool(set(_SENSORS[stem]) & set(rest))):
-            return tuple(rest), axis
+            return tuple(rest), along
     for k in range(len(field) - 1, -1, -1):
         word, rest = field[k], [*field[:k], *field[k + 1 :]]
         joined = word[-1:] in _AXES and word[:-1] in _SENSORS[stem]

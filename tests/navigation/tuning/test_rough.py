@@ -1,4 +1,4 @@
-"""White noise of the IMU by one factor, where fixes are too few to tune it term by term."""
+"""White noise of the IMU by one factor, where fixes are too few to tune it term by term; notes are on the run taken."""
 
 from __future__ import annotations
 
@@ -8,10 +8,14 @@ import pytest
 
 from schuler.exceptions import InputError
 from schuler.navigation.config import NavigationConfig
+from schuler.navigation.inputs.imu_noise import NO_NOISE
 from schuler.navigation.run import navigate, prepared_run
-from schuler.navigation.tuning import rough
+from schuler.navigation.tuning import automatic, rough
+from schuler.navigation.tuning.automatic import Supported
+from schuler.navigation.tuning.lever import LEVER_ESTIMATED
 from schuler.navigation.tuning.noise import WHITE, with_factors
-from schuler.navigation.tuning.rough import rough_factor, rough_note, with_rough_noise
+from schuler.navigation.tuning.rough import Rough, rough_factor, rough_note, with_rough_noise
+from schuler.navigation.tuning.tuning import Tuning
 from schuler.simulation.scenario import prepare_mission, simulate_mission
 
 CORNERS = [(0, 0, 6), (40, -10, 7), (60, 30, 5), (20, 60, 8)]
@@ -52,9 +56,10 @@ def louder(run):
 
 
 def test_noise_that_few_fixes_contradict_is_found(run, monkeypatch):
-    factor, gain = rough_factor(run, louder(run))
-    assert factor == 16.0  # simulated 15 times as large
-    assert gain > 8.0
+    chosen = rough_factor(run, louder(run))
+    assert chosen.factor == 16.0  # simulated 15 times as large
+    assert chosen.gain > 8.0
+    assert chosen.fits
     monkeypatch.setattr(rough, "LEAST_GAIN", -1e9)
     assert rough_factor(louder(run)(15.0), louder(run)) is None  # fits as it is: nothing is asked
 
@@ -93,4 +98,38 @@ def test_every_axis_is_louder_by_the_same():
     noise = with_rough_noise(config, 4.0).filter.noise
     assert noise.gyro == 8.0
     assert tuple(noise.accel_axes) == (4.0, 6.0, 12.0)
-    assert "4 times as large (log likelihood +12, of the factors 1, 4 and 16)" in rough_note(4.0, 12.4)
+    assert "4 times as large (log likelihood +12, of the factors 1, 4 and 16)" in rough_note(Rough(4.0, 12.4, True))
+
+
+WILD = Tuning(
+    {"gyro": 900.0}, {"gyro": (500.0, 1500.0)}, False, 100.0, 10.0, {"position": 9.0}, {"position": 1.0}, 30,
+    no_noise=True,
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def plain():
+    config = NavigationConfig.checked(BY_NAME)
+    return Supported(config, prepared_run(drive(1.0), config), ["of the start"])
+
+
+def test_noise_without_a_lever_arm_is_not_said_where_one_is_estimated(plain, monkeypatch):
+    """A model car, antenna 0.35 m off: its accelerometers would have to be 84 times as noisy without a lever arm."""
+    tunings = iter(
+        (WILD, replace(WILD, factors={"gyro": 1.1}, intervals={"gyro": (1.0, 1.2)}, better=True, no_noise=False))
+    )
+    monkeypatch.setattr(automatic, "tune", lambda run, aligned: next(tunings))
+    monkeypatch.setattr(automatic, "has_lever", lambda before, after: True)
+    notes = automatic._tuned(plain, lambda config, later: plain.run, aligned=True).notes
+    assert notes[:2] == ["of the start", LEVER_ESTIMATED]
+    assert [note.split(" from")[0] for note in notes[2:]] == ["noise tuned"]
+
+
+@pytest.mark.parametrize("fits", [True, False])
+def test_noise_of_the_start_before_is_said_unless_the_fixes_fit_the_new_one(plain, monkeypatch, fits):
+    given = plain._replace(notes=[*plain.notes, *WILD.sentences()])
+    monkeypatch.setattr(automatic, "rough_factor", lambda run, noisier: Rough(4.0, 500.0, fits))
+    notes = automatic._with_rough_noise(plain, given, lambda config, later: plain.run, False).notes
+    assert any(note.startswith(NO_NOISE) for note in notes) != fits
+    assert notes[0] == "of the start"
+    assert notes[-1].startswith("fixes are too few to tune noise")

@@ -82,7 +82,7 @@ def supported_run(config: NavigationConfig, prepare: Prepare, *, aligned: bool) 
     tuned = _tuned(plain, prepare, aligned) if doubted else plain
     if own_start and (doubted or too_few(tuned.run)):
         tuned = _from_supported_start(tuned)
-    return _with_rough_noise(tuned, prepare, own_start) if tuned.config is config else tuned
+    return _with_rough_noise(plain, tuned, prepare, own_start) if tuned.config is config else tuned
 
 
 def _prepared_at(prepare: Prepare, turn: float, config: NavigationConfig, fixes_later_s: float) -> PreparedRun:
@@ -139,8 +139,11 @@ def _from_supported_start(given: Supported) -> Supported:
     return given._replace(run=run, notes=[*given.notes, *refuted])
 
 
-def _with_rough_noise(given: Supported, prepare: Prepare, own_start: bool) -> Supported:
-    """The run with noise several times as large, where few fixes do not fit it as it is and do then."""
+def _with_rough_noise(plain: Supported, given: Supported, prepare: Prepare, own_start: bool) -> Supported:
+    """The run with noise several times as large, where few fixes do not fit it as it is and do then.
+
+    Where they fit, what was said of noise that could not be tuned (from another start) is no longer so.
+    """
 
     def begun(factor: float) -> Supported:
         other = with_rough_noise(given.config, factor)
@@ -150,8 +153,9 @@ def _with_rough_noise(given: Supported, prepare: Prepare, own_start: bool) -> Su
     chosen = rough_factor(given.run, lambda factor: begun(factor).run)
     if chosen is None:
         return given
-    other = begun(chosen[0])
-    return other._replace(notes=[*given.notes, rough_note(*chosen), *other.notes])
+    other = begun(chosen.factor)
+    before = plain.notes if chosen.fits else given.notes
+    return other._replace(notes=[*before, rough_note(chosen), *other.notes])
 
 
 def _placed(given: Supported, prepare: Prepare, factors: dict[str, float] | None = None) -> Supported:
@@ -168,7 +172,7 @@ def _tuned(given: Supported, prepare: Prepare, aligned: bool) -> Supported:
     free = prepare(other, tuned.run.fixes_later_s)
     if not has_lever(tuned.run, free):
         return tuned
-    return _with_noise(Supported(other, free, [*tuned.notes, LEVER_ESTIMATED]), prepare, aligned)
+    return _with_noise(Supported(other, free, [*given.notes, LEVER_ESTIMATED]), prepare, aligned)
 
 
 def _with_noise(given: Supported, prepare: Prepare, aligned: bool) -> Supported:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +20,15 @@ _SIZES = (4.0, 16.0)  # factors on the 1-sigma, of which the likeliest counts
 _MOST = 40  # fixes a second apart; more tune each term, or show that it is not the noise
 
 
-def rough_factor(prepared: PreparedRun, noisier: Callable[[float], PreparedRun]) -> tuple[float, float] | None:
+class Rough(NamedTuple):
+    """Factor on the IMU's white noise, log likelihood that it wins, and whether fixes fit it."""
+
+    factor: float
+    gain: float
+    fits: bool
+
+
+def rough_factor(prepared: PreparedRun, noisier: Callable[[float], PreparedRun]) -> Rough | None:
     """Factor on the IMU's white noise with which few fixes are far likelier than as the run is.
 
     Parameters
@@ -31,9 +40,8 @@ def rough_factor(prepared: PreparedRun, noisier: Callable[[float], PreparedRun])
 
     Returns
     -------
-    factor, gain : float
-        Gain in log likelihood. None where the run fits its fixes, has many, or none of the factors makes them likelier
-        by 8.
+    Rough or None
+        None where the run fits its fixes, has many, or none of the factors makes them likelier by 8.
 
     Notes
     -----
@@ -45,15 +53,17 @@ def rough_factor(prepared: PreparedRun, noisier: Callable[[float], PreparedRun])
     seen = _seen(prepared)
     if seen is None or len(seen.t) > _MOST * len(np.unique(seen.kind)) or _mean_square(seen) < FITS:
         return None
-    best: tuple[float, float] | None = None
+    best: Rough | None = None
     for factor in _SIZES:
         try:
             other = _seen(noisier(factor))
         except InputError:
             continue
-        gain = 0.0 if other is None else _gain(seen, other)
-        if gain > (LEAST_GAIN if best is None else best[1]):
-            best = factor, gain
+        if other is None:
+            continue
+        gain = _gain(seen, other)
+        if gain > (LEAST_GAIN if best is None else best.gain):
+            best = Rough(factor, gain, _mean_square(other) < FITS)
     return best
 
 
@@ -65,11 +75,11 @@ def with_rough_noise(config: NavigationConfig, factor: float) -> NavigationConfi
     return NavigationConfig.parse(merged(data, {"filter": {"tune": False, "noise": entries}}))
 
 
-def rough_note(factor: float, gain: float) -> str:
+def rough_note(chosen: Rough) -> str:
     """Sentence on noise that is larger by a factor."""
     return (
         f"fixes are too few to tune noise term by term, and do not fit it as configured: white noise of the IMU in "
-        f"motion is taken {factor:.0f} times as large (log likelihood {gain:+.0f}, of the factors 1, "
+        f"motion is taken {chosen.factor:.0f} times as large (log likelihood {chosen.gain:+.0f}, of the factors 1, "
         f"{' and '.join(f'{size:.0f}' for size in _SIZES)})"
     )
 

@@ -1,5 +1,6 @@
 """Files that hold several tables are read as a folder of them: the same numbers, whatever their form."""
 
+import contextlib
 import functools
 import json
 import operator
@@ -217,3 +218,20 @@ def test_minutes_and_longitudes_to_the_west_of_a_vbox(tmp_path):
     np.testing.assert_allclose(imu.gyro[0], np.deg2rad([9.0, 0.0, -3.0]), rtol=1e-12)
     np.testing.assert_allclose(np.rad2deg(gnss.llh[0, :2]), [2922.000229 / 60.0, 546.0006 / 60.0], atol=1e-9)
     np.testing.assert_allclose(gnss.v_n[0, :2], [0.0, 10.0], atol=1e-9)
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("form", FORMS)
+def test_damaged_texts_are_read_or_refused_in_words(form, tmp_path):
+    sample = ("\n".join(FORMS[form][0]()) + "\n").encode()
+    rng = np.random.default_rng(11)
+    marks = [b"9" * 400, b'"', b"{", b"nan", b"1e999", b",", b"\n", b"\x00", b"[[", b"\xff\xfe"]
+    for k in range(60):
+        text = bytearray(sample)
+        for at in rng.integers(len(text) // 2, size=rng.integers(1, 8)):
+            cut = int(rng.choice([0, 1, 3, 50, 2000]))
+            text[at : at + cut] = marks[rng.integers(len(marks))] if k % 2 else b""
+        path = tmp_path / f"log{k}.txt"
+        path.write_bytes(bytes(text))
+        with contextlib.suppress(SchulerError):
+            as_proposed(path)

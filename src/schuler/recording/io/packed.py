@@ -166,7 +166,7 @@ def _unpacked(path: Path, stamp: tuple[int, int]) -> tuple[tuple[str, ...], Path
         files: dict[str, TextIO] = {}
         for name, row in rows(path):
             table = _table_name(name, row)
-            if not row or not all(key in row for key in keys.get(table, ("",))):
+            if not row or not keys.get(table) or not all(key in row for key in keys[table]):
                 left_out += 1
                 continue
             if table not in files:

@@ -170,7 +170,7 @@ def columns_of(opening: Opening) -> list[tuple[str, str | None] | None]:
 def is_in_space(opening: Opening) -> bool:
     """Whether x, y, z of the first row are as far from the centre of the Earth as a vehicle is; or of some sensor."""
     names = [column and column[0] for column in columns_of(opening)]
-    place = [opening.fields[names.index(name)] for name in columns.ECEF]
+    place = [field for name, field in zip(names, opening.fields, strict=False) if name in columns.ECEF]
     size = math.hypot(*map(float, place)) if all(map(lines.is_number, place)) else 0.0
     return RADII[0] <= size <= RADII[1]
 

@@ -187,14 +187,42 @@ def test_what_is_wanted_later_is_compiled_meanwhile(tmp_path):
         f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
         "import other, two; from schuler import jit\n"
         "jit.prepare_beside('two:prepare_second', two.second)\n"
-        "assert list(jit._beside) == ['two:prepare_second']; process = jit._beside['two:prepare_second']\n"
-        "waited = []; process.wait = lambda wait=process.wait: waited.append(wait())\n"
+        "assert list(jit._beside) == ['two:prepare_second']; beside = jit._beside['two:prepare_second']\n"
+        "waited = []; beside.join = lambda join=beside.join: waited.append(join())\n"
         "other.prepare_second(); assert not waited\n"
-        "two.prepare_second(); assert waited == [0]\n"
+        "two.prepare_second(); assert waited == [None]\n"
         "assert two.second(1.0) == 3.0 and sum(two.second.stats.cache_hits.values()) == 1\n"
         "jit._beside.clear(); jit.prepare_beside('other:prepare_second', other.second); assert not jit._beside"
     )
     in_a_process(["-c", script], tmp_path, 300.0)
+
+
+THREADS = """
+import os, subprocess, sys, threading, time
+import two
+from schuler import jit
+os.cpu_count = lambda: 2
+begun, begin = [], subprocess.Popen.__init__
+def counted(process, *args, **options):
+    begun.append(args)
+    time.sleep(0.05)  # as long as a system under load may take
+    begin(process, [sys.executable, "-c", "import time; time.sleep(0.5)"], **options)
+subprocess.Popen.__init__ = counted
+together = threading.Barrier(4)
+def prepare():
+    together.wait()
+    two.prepare_first("two:prepare_second")
+threads = [threading.Thread(target=prepare) for _ in range(4)]
+for thread in threads: thread.start()
+for thread in threads: thread.join()
+assert len(begun) == 1, begun
+"""
+
+
+def test_threads_that_prepare_together_start_one_process_which_may_outlive_this_one(tmp_path):
+    """Without a word: one that was replaced by another's, or left at the end, was reported as still running."""
+    (tmp_path / "two.py").write_text(TWO)
+    assert in_a_process(["-W", "error::ResourceWarning", "-c", THREADS], tmp_path, 300.0) == ""
 
 
 # ------------------------------------------------------------------------------- numbers and lanes, one cache
@@ -220,14 +248,15 @@ k.prepare_replay()
 """
 
 
-def in_a_process(arguments: list[str], folder: Path, timeout_s: float) -> None:
-    """Run Python in a process of its own whose machine code goes to and comes from ``folder / cache``."""
+def in_a_process(arguments: list[str], folder: Path, timeout_s: float) -> str:
+    """Run Python in a process of its own whose machine code is kept in ``folder / cache``; what it says of errors."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache")}
     done = subprocess.run(
         [sys.executable, *arguments],
         capture_output=True, text=True, check=False, timeout=timeout_s, env=environment, cwd=folder,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
+    return done.stderr
 
 
 @pytest.fixture(scope="module")

@@ -372,9 +372,9 @@ def prepare(kernels: Iterable[tuple[Callable[..., Any], tuple[Any, ...]]], besid
     notice.start()
     modules = {k.__module__ for k, _ in pending}
     try:
-        for name, process in _beside.items():
+        for name, waiting in list(_beside.items()):
             if name.partition(":")[0] in modules:
-                process.wait()
+                waiting.join()
         if beside is not None and not all(_on_disk(k) for k, _ in pending):
             _compile_beside(beside)
         for k, types in pending:
@@ -395,7 +395,8 @@ def _on_disk(compiled: Any) -> bool:
         return False
 
 
-_beside: dict[str, subprocess.Popen[bytes]] = {}
+_beside: dict[str, threading.Thread] = {}  # which wait for a process; it may outlive this one
+_one_thread_starts = threading.Lock()
 
 
 def prepare_beside(name: str, kernel: Callable[..., Any]) -> None:
@@ -413,17 +414,27 @@ def prepare_beside(name: str, kernel: Callable[..., Any]) -> None:
 
 def _compile_beside(name: str) -> None:
     """Start ``module:function`` in a process of its own, once; where it fails, this process compiles for itself."""
-    if name in _beside or os.cpu_count() == 1 or multiprocessing.parent_process() is not None:
+    if os.cpu_count() == 1 or multiprocessing.parent_process() is not None:
         return
+    with _one_thread_starts:
+        if name not in _beside:
+            waiting = threading.Thread(target=_compile_in_a_process, args=(name,), daemon=True)
+            waiting.start()
+            _beside[name] = waiting
+
+
+def _compile_in_a_process(name: str) -> None:
+    """Run ``module:function`` in a process of its own to its end."""
     module, function = name.split(":")
     with contextlib.suppress(OSError):
-        _beside[name] = subprocess.Popen(  # noqa: S603 - this Python, a function of this package
+        subprocess.run(  # noqa: S603 - this Python, a function of this package
             # it ends at once: a search for cycles among what compiling made, and taking it down, is a second
             [
                 sys.executable,
                 "-c",
                 f"import gc, os; gc.disable(); from {module} import {function}; {function}(); os._exit(0)",
             ],
+            check=False,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,

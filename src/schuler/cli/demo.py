@@ -84,15 +84,12 @@ def run_demo(seed: int | None, bar: Any = None) -> tuple[EvaluatedRun, Any, floa
     config = NavigationConfig.parse(configuration_of(data) | {"outages": {"windows_s": [_OUTAGE_S]}})
     mission = prepare_mission(scenario)
     seeds = _seeds(scenario.seed if seed is None else seed)
+    # the noise of the others is that of their simulation: nothing to tune
+    quick = config.model_copy(update={"filter": config.filter.model_copy(update={"smooth": False, "tune": False})})
     nees = []
     for k in range(_RUNS, -1, -1):
         simulation = simulate_mission(mission, np.random.default_rng(seeds[k]))
-        quick = (
-            config
-            if k == 0
-            else config.model_copy(update={"filter": config.filter.model_copy(update={"smooth": False})})
-        )
-        result = navigate(simulation.recording, quick)
+        result = navigate(simulation.recording, config if k == 0 else quick)
         if not result.complete:
             raise KeyboardInterrupt
         truth = true_parameters(simulation, result)

@@ -287,7 +287,10 @@ class TightSection(Section):
         "off",
         description="time-differenced: also use how carrier phases change between epochs; rtk: against a base, too",
     )
-    carrier_sigma_m: Positive = Field(0.003, description="1-sigma of the phase of a strong satellite overhead")
+    carrier_sigma_m: Positive | Literal["log"] = Field(
+        0.003,
+        description="1-sigma of the phase of a strong satellite overhead; log: as satellites show it beside each other",
+    )
     carrier_walk_m: NonNegative = Field(
         0.003, description="random walk of a phase within its arc, m per square root of a second"
     )
@@ -310,8 +313,9 @@ class TightSection(Section):
 
     @model_validator(mode="after")
     def _noise_by_carriers(self) -> TightSection:
-        if self.clock_noise_m == "log" and self.carrier == "off":
-            raise ValueError('clock_noise_m = "log" needs carrier phases: set carrier, or give a number')
+        for name in ("clock_noise_m", "carrier_sigma_m"):
+            if getattr(self, name) == "log" and self.carrier == "off":
+                raise ValueError(f'{name} = "log" needs carrier phases: set carrier, or give a number')
         return self
 
 

@@ -115,8 +115,8 @@ def aiding_models(config: NavigationConfig, ranges: Ranges | None) -> dict[str, 
     ----------
     config : NavigationConfig
     ranges : Ranges, optional
-        Ranges of a tightly coupled run: its receiver clocks become states, whose noise the configuration has as a
-        number (:meth:`schuler.navigation.inputs.satellites.Points.put_into`).
+        Ranges of a tightly coupled run: its receiver clocks become states. Noise that is left to the log the
+        configuration has as numbers (:meth:`schuler.navigation.inputs.satellites.Points.put_into`).
     """
     aiding, gnss = config.aiding, config.gnss
     models: dict[str, StateModel] = {}
@@ -158,7 +158,7 @@ def aiding_models(config: NavigationConfig, ranges: Ranges | None) -> dict[str, 
             model = StateModel.gauss_markov(slow.position_sigma_m, slow.position_tau_s)
             models |= dict.fromkeys(CHANNELS[:channels], model)
         if tight.carrier != "off":
-            channels = carrier_phases(ranges, tight.carrier_sigma_m, MOST_CHANNELS).channel.max(initial=0)
+            channels = carrier_phases(ranges, float(tight.carrier_sigma_m), MOST_CHANNELS).channel.max(initial=0)
             models |= dict.fromkeys(AMBIGUITIES[:channels], StateModel.random_walk(0.0, tight.carrier_walk_m))
     return models
 

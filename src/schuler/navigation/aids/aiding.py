@@ -164,7 +164,7 @@ def _satellite_parts(sources: Sources, config: NavigationConfig, spec: ImuSpec) 
             carrier_measurements(
                 sources.ranges,
                 section.lever_arm_m,
-                sigma=section.tight.carrier_sigma_m,
+                sigma=float(section.tight.carrier_sigma_m),
                 gate=gate,
                 channels=sum(name in layout for name in AMBIGUITIES),
             ),

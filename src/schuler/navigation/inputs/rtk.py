@@ -125,9 +125,9 @@ def ranges_with_base(
             f"the base is {far / 1e3:.0f} km away: beyond {SAME_IONOSPHERE / 1e3:g} km the ionosphere at both antennas "
             "differs by more than integers of one frequency bear, and they may be wrong"
         )
-    base = without_slips(base, np.broadcast_to(base_e, (len(base), 3)), tight.carrier_sigma_m, [])
+    base = without_slips(base, np.broadcast_to(base_e, (len(base), 3)), float(tight.carrier_sigma_m), [])
     corrected, carriers = relative_ranges(
-        ranges, base, base_e, sigma_code=section.code_sigma_m, sigma_carrier=tight.carrier_sigma_m
+        ranges, base, base_e, sigma_code=section.code_sigma_m, sigma_carrier=float(tight.carrier_sigma_m)
     )
     if logged is not None:
         carriers = _with_second_band(recording, ranges, carriers, logged, base_e, config, notes)
@@ -238,7 +238,7 @@ def _with_second_band(
     )
     try:
         other, second = relative_ranges(
-            ours, theirs, base_e, sigma_code=tight.base.code_sigma_m, sigma_carrier=tight.carrier_sigma_m
+            ours, theirs, base_e, sigma_code=tight.base.code_sigma_m, sigma_carrier=float(tight.carrier_sigma_m)
         )
     except InputError:
         notes.append("no carrier on a second band in both receivers at one time: integers of one band")

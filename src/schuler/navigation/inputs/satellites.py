@@ -14,6 +14,7 @@ from schuler.filtering.measurements import in_windows
 from schuler.filtering.states import CHANNELS, StateLayout
 from schuler.gnss.antennas import Antenna
 from schuler.gnss.carrier import carrier_changes
+from schuler.gnss.carrier_noise import carrier_noise
 from schuler.gnss.carrier_scale import check_carriers
 from schuler.gnss.clock_noise import clock_frequency_noise
 from schuler.gnss.cycle_slips import without_slips
@@ -36,12 +37,13 @@ _SMALLEST_JUMP = 20.0  # of a receiver clock; what is less is its noise, which t
 _CLEAR_JUMP = 10.0  # times the usual scatter from epoch to epoch
 _LONGEST_GAP_S = 10.0  # over which a clock is expected to run on
 _START_SIGMA = 10.0  # of a position that ranges are to find anew [m]
+_LEAST_SIGMA = 0.003  # of a phase, by theory: a hundredth of a cycle, and multipath of a good antenna [m]
 _LASTING = 4  # epochs after which a jump must still be there; a bad solution is not
 
 
 @dataclass(frozen=True)
 class Points:
-    """What all ranges tell before any are cut: single-point solutions, fixes from them, and the clock's noise.
+    """What all ranges tell before any are cut: single-point solutions, fixes from them, noise of clock and carriers.
 
     Attributes
     ----------
@@ -50,17 +52,19 @@ class Points:
         The epochs that serve as fixes.
     clock_noise : float, optional
         White frequency noise of the receiver's clock, where the configuration leaves it to the log. [m/sqrt(s)]
+    carrier_sigma : float, optional
+        1-sigma of carrier phases for the filter, where the configuration leaves it to the log. [m]
     """
 
     solution: PointSolution
     gnss: GnssSeries
     clock_noise: float | None = None
+    carrier_sigma: float | None = None
 
     def put_into(self, config: NavigationConfig) -> NavigationConfig:
-        """The configuration with the clock's noise as a number."""
-        if self.clock_noise is None:
-            return config
-        tight = config.gnss.tight.model_copy(update={"clock_noise_m": self.clock_noise})
+        """The configuration with numbers where it leaves noise to the log."""
+        told = {"clock_noise_m": self.clock_noise, "carrier_sigma_m": self.carrier_sigma}
+        tight = config.gnss.tight.model_copy(update={k: value for k, value in told.items() if value is not None})
         return config.model_copy(update={"gnss": config.gnss.model_copy(update={"tight": tight})})
 
 
@@ -120,15 +124,24 @@ def satellites(recording: Recording, config: NavigationConfig, notes: list[str])
             "no epoch has a single-point solution to start from: "
             f"at most {int(solution.n_used.max())} satellites were usable; check systems, masks and ephemerides"
         )
+    lasting, noise = None, None
+    if section.carrier_sigma_m == "log":
+        short, lasts = carrier_noise(ranges, _near(ranges, solution), section.carrier_walk_m)
+        sigma, lasting = max(short, _LEAST_SIGMA), max(lasts, _LEAST_SIGMA)
+        notes.append(
+            f"noise of carrier phases, as satellites show it: {1e3 * short:.1f} mm from epoch to epoch; it lasts and "
+            f"weighs {1e3 * lasts:.1f} mm; 1-sigma in the filter: {1e3 * lasting:.1f} mm"
+        )
+    else:
+        sigma = section.carrier_sigma_m
     if section.carrier != "off":
-        ranges = with_whole_arcs(ranges, solution, section.carrier_sigma_m, notes)
-    noise = None
+        ranges = with_whole_arcs(ranges, solution, sigma, notes)
     if section.clock_noise_m == "log":
-        noise = clock_frequency_noise(ranges, section.carrier_sigma_m)
+        noise = clock_frequency_noise(ranges, sigma)
         notes.append(f"the receiver's clock, by its carriers: white frequency noise of {noise:.2g} m per root second")
     kept = _kept(ranges, section.min_satellites, section.max_satellites)
     ranges = replace(ranges, reason=np.where(ranges.used & ~kept, 8, ranges.reason))
-    return ranges, Points(solution, gnss_series(solution), noise)
+    return ranges, Points(solution, gnss_series(solution), noise, lasting)
 
 
 def _why_not(ranges: Ranges) -> str:
@@ -325,8 +338,6 @@ def with_whole_arcs(ranges: Ranges, solution: PointSolution, sigma: float, notes
     InputError
         If no satellite has carrier phases at two epochs in a row.
     """
-    ok = np.flatnonzero(solution.ok)
-    near = np.column_stack([np.interp(ranges.t, solution.t[ok], solution.r_e[ok, i]) for i in range(3)])
     if not len(carrier_changes(ranges, sigma).now):
         if np.isfinite(ranges.carrier_range[ranges.used]).sum() > len(np.unique(ranges.sat[ranges.used])):
             raise InputError(
@@ -339,7 +350,13 @@ def with_whole_arcs(ranges: Ranges, solution: PointSolution, sigma: float, notes
             'gnss.tight.carrier = "time-differenced" or "rtk" needs carrier phases of a satellite at two epochs in a '
             "row, and there are none: give observations with carriers (RINEX types L), or set it to off"
         )
-    return without_slips(ranges, near, sigma, notes)
+    return without_slips(ranges, _near(ranges, solution), sigma, notes)
+
+
+def _near(ranges: Ranges, solution: PointSolution) -> FloatArray:
+    """Antenna of each range by single points, between them on a straight line. Shape (n, 3). [m]"""
+    ok = np.flatnonzero(solution.ok)
+    return np.column_stack([np.interp(ranges.t, solution.t[ok], solution.r_e[ok, i]) for i in range(3)])
 
 
 def _lasting(level: FloatArray, i: int) -> bool:

@@ -51,6 +51,12 @@ def json_list():
     return ["[" + ",\n".join(json_lines(False)) + "]"]
 
 
+def json_columns():
+    imu = {"t": T.tolist(), "acc": ACCEL.tolist(), "gyro": GYRO.tolist()}
+    fix = {"t": T[FIX].tolist(), "lat": LLH[:, 0].tolist(), "lon": LLH[:, 1].tolist(), "alt": LLH[:, 2].tolist()}
+    return [json.dumps({"device": "one", "imu": imu, "gps": fix})]
+
+
 def labels():
     names = ("ax", "ay", "az", "gx", "gy", "gz")
     return interleaved(
@@ -71,8 +77,8 @@ def words():
     )  # fmt: skip
 
 
-def column():
-    return ["time,sensor,x,y,z", *interleaved(
+def column(head="time,sensor,x,y,z"):
+    return [head, *interleaved(
         lambda k: [",".join([repr(float(T[k])), name, *texts(v)])
                    for name, v in (("accelerometer", ACCEL[k]), ("gyroscope", GYRO[k]))],
         lambda k: ",".join([repr(float(T[FIX[k]])), "location", *texts(LLH[k])]),
@@ -90,8 +96,9 @@ def labels_behind_a_log():
 
 FORMS = {
     "json": (lambda: json_lines(False), "json"), "json with a kind": (lambda: json_lines(True), "json"),
-    "list": (json_list, "json-list"), "labels": (labels, "labels"), "words": (words, "words"),
-    "column": (column, "column"),
+    "list": (json_list, "json-list"), "lists": (json_columns, "json-columns"), "labels": (labels, "labels"),
+    "words": (words, "words"), "column": (column, "column"),
+    "values": (lambda: column("time,Sensor Type,Value 1,Value 2,Value 3"), "column"),
 }  # fmt: skip
 
 
@@ -126,6 +133,14 @@ def test_lines_that_say_what_they_are_hold_the_numbers_of_an_imu_and_of_fixes(fo
     again = as_proposed(beside)
     assert again[0].entries["gnss"]["file"] == f"log.txt/{files.entries['gnss']['file']}"
     np.testing.assert_array_equal(again[1].need_imu().accel, ACCEL)
+
+
+def test_a_damaged_document_beside_a_log_is_none_of_its_tables(tmp_path):
+    written(tmp_path, json_lines(False))
+    (tmp_path / "settings.json").write_text('{"weights": [1, 2, 3], "other": [')
+    files, recording = as_proposed(tmp_path)
+    assert files.entries["imu"]["file"] == "log.txt/imu.csv"
+    assert len(recording.need_imu()) == N
 
 
 def test_lines_of_no_table_are_counted(tmp_path):

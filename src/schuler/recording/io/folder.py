@@ -203,7 +203,13 @@ def names_in(path: Path) -> list[str]:
     if path.is_file():
         return list(packed.tables(path))
     every = sorted(p for p in path.iterdir() if p.is_file() and not p.name.startswith("."))
-    return [name for p in every for name in ([f"{p.name}/{table}" for table in packed.tables(p)] or [p.name])]
+    names = []
+    for file in every:
+        try:
+            names += [f"{file.name}/{table}" for table in packed.tables(file)] or [file.name]
+        except FileFormatError:  # it may be none of the run's
+            names.append(file.name)
+    return names
 
 
 def folders_in(path: Path) -> str:

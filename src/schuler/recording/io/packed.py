@@ -3,8 +3,8 @@
 A file is unpacked to tables of text, a kind of line each, which are then read as files of a folder are: ``log.jsonl``
 holds ``log.jsonl/accel.csv``. What a line means is in it alone:
 
-- ``{"t": 1, "acc": [0.1, 0.2, 9.8]}``, a JSON object a line, or one list of them in the file; kinds by a key such as
-  ``class`` or ``sensor``, or by the keys it has.
+- ``{"t": 1, "acc": [0.1, 0.2, 9.8]}``, a JSON object a line, one list of them in the file, or an object with
+  a list a column; kinds by a key such as ``class`` or ``sensor``, or by the keys it has.
 - ``t:12 ax:0.1 ay:0.2``, labels and numbers.
 - ``ACCE;5.1;0.1;0.2;9.8``, a word and numbers; a comment may name the columns.
 - a column of such words in a table, ``timestamp,sensor,x,y,z``.
@@ -57,7 +57,7 @@ def kind_of(path: Path) -> str | None:
 
     Returns
     -------
-    {"json", "json-list", "labels", "words", "column", "beside-nmea", "vbox"} or None
+    {"json", "json-list", "json-columns", "labels", "words", "column", "beside-nmea", "vbox"} or None
     """
     from schuler.recording.formats import registry
     from schuler.recording.io.satellite_files import kinds_of
@@ -122,7 +122,7 @@ def _is_of_form(row: str) -> bool:
 
 
 def _json_kind(text: str, *, whole: bool) -> str | None:
-    """Whether text begins as a list of objects, or has an object a line."""
+    """Whether text begins as a list of objects, has an object a line, or is one object with columns as lists."""
     if text.lstrip("\ufeff \r\n\t").startswith("["):
         try:
             first, _ = json.JSONDecoder().raw_decode(text.lstrip("\ufeff \r\n\t[").lstrip())
@@ -137,6 +137,8 @@ def _json_kind(text: str, *, whole: bool) -> str | None:
             good += isinstance(json.loads(row), dict)
         except (ValueError, RecursionError):
             continue
+    if (good == 0 or len(rows) < 3) and re.search(r'"\w+"\s*:\s*\[\s*\[?\s*[-+\d.]', text):
+        return "json-columns"
     return "json" if len(rows) > 2 and good > _NEARLY_ALL * min(len(rows), _LOOKED_AT) else None
 
 
@@ -269,16 +271,27 @@ def _json_rows(path: Path) -> Iterator[tuple[str, Row]]:
 
 
 def _json_list(path: Path) -> Iterator[tuple[str, Row]]:
-    if path.stat().st_size > _LARGEST_LIST:
-        raise FileFormatError("expected a list of JSON objects of 1 GiB at most; write an object a line", path)
-    try:
-        values = json.loads(path.read_text(encoding="utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise FileFormatError(
-            f"begins as a list of JSON objects and is none: {error}; was it cut off?", path
-        ) from error
-    for value in values:
+    for value in _document(path):
         yield _object(value) if isinstance(value, dict) else ("", {})
+
+
+def _json_columns(path: Path) -> Iterator[tuple[str, Row]]:
+    """Rows of each object whose lists are of one length."""
+    document = _document(path)
+    for name, entry in [("", document), *(document.items() if isinstance(document, dict) else ())]:
+        lists = {key: x for key, x in entry.items() if isinstance(x, list) and x} if isinstance(entry, dict) else {}
+        if len({len(x) for x in lists.values()}) == 1 and not any(isinstance(x[0], dict) for x in lists.values()):
+            for values in zip(*lists.values(), strict=True):
+                yield name, _object(dict(zip(lists, values, strict=True)))[1]
+
+
+def _document(path: Path) -> Any:
+    if path.stat().st_size > _LARGEST_LIST:
+        raise FileFormatError("expected a JSON document of 1 GiB at most; write an object a line", path)
+    try:
+        return json.loads(path.read_text(encoding="utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise FileFormatError(f"begins as a JSON document and is none: {error}; was it cut off?", path) from error
 
 
 def _object(value: dict[str, Any]) -> tuple[str, Row]:
@@ -387,17 +400,30 @@ def _kind_column(rows: Sequence[str], delimiter: str) -> int | None:
         return None
     if columns.series_of(column[0] for column in columns.recognise_all(table[0]) if column) not in ([], ["reference"]):
         return None  # words beside whole samples are remarks on them; x, y, z alone may be any sensor's
-    kinds = [k for k, name in enumerate(table[0]) if name.lower() in _KIND_KEYS and _are_kinds([r[k] for r in body])]
+    kinds = [k for k, name in enumerate(table[0]) if _is_kind_key(name) and _are_kinds([r[k] for r in body])]
     return kinds[0] if len(kinds) == 1 else None
+
+
+def _axis_of_value(name: str) -> str:
+    """The axis that a numbered value of any sensor is: x for ``Value 1``, ``values[0]``; other names as they are."""
+    match = re.fullmatch(r"val(?:ue)?s?[ _\[]?([0-3])\]?", name.lower())
+    return name if match is None else f"value{match[1]}"
+
+
+def _is_kind_key(name: str) -> bool:
+    word = name.strip("\"' ").lower()
+    return word in _KIND_KEYS or re.sub(r"[ _]?(type|name)$", "", word) in _KIND_KEYS
 
 
 def _column(path: Path) -> Iterator[tuple[str, Row]]:
     rows = _text(path)
     first = next(rows)
     delimiter = _delimiter(first)
-    head = [name.strip("\"'") for name in _fields(first, delimiter)]
+    head = [_axis_of_value(name.strip("\"'")) for name in _fields(first, delimiter)]
     at = _kind_column(lines.check_file(path).decode("latin-1").splitlines(), delimiter)
     assert at is not None
+    values = [name for name in head if name in ("value0", "value1", "value2", "value3")][:3]
+    head = ["xyz"[values.index(name)] if name in values else name for name in head]
     for text in rows:
         fields = _fields(text, delimiter)
         if len(fields) != len(head):
@@ -441,6 +467,6 @@ def _vbox_row(names: list[str], fields: list[str], day: str) -> Row:
 
 
 _ROWS: dict[str, Callable[[Path], Iterator[tuple[str, Row]]]] = {
-    "json": _json_rows, "json-list": _json_list, "labels": _labels, "words": _words, "column": _column, "vbox": _vbox,
-    "beside-nmea": _beside_nmea,
+    "json": _json_rows, "json-list": _json_list, "json-columns": _json_columns, "labels": _labels, "words": _words,
+    "column": _column, "beside-nmea": _beside_nmea, "vbox": _vbox,
 }  # fmt: skip

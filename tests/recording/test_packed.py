@@ -157,9 +157,13 @@ def test_a_list_that_was_cut_off_is_refused(tmp_path):
         packed.tables(written(tmp_path, [json_list()[0][:-300]]))
 
 
-def test_a_column_of_remarks_does_not_split_a_table(tmp_path):
-    rows = [",".join([*texts([T[k], *ACCEL[k], *GYRO[k]]), "lap" if k % 50 == 0 else "none"]) for k in range(N)]
-    path = written(tmp_path, ["time,ax,ay,az,gx,gy,gz,event", *rows])
+@pytest.mark.parametrize("first", [False, True])
+def test_a_column_of_remarks_does_not_split_a_table(first, tmp_path):
+    names = ["time", "ax", "ay", "az", "gx", "gy", "gz"]
+    rows = [names, *(texts([T[k], *ACCEL[k], *GYRO[k]]) for k in range(N))]
+    words = ["event", *("lap" if k % 50 == 0 else "none" for k in range(N))]
+    both = [[word, *row] if first else [*row, word] for word, row in zip(words, rows, strict=True)]
+    path = written(tmp_path, [",".join(row) for row in both])
     assert packed.kind_of(path) is None
     np.testing.assert_array_equal(read(path, units="m/s^2,rad/s").need_imu().accel, ACCEL)
 

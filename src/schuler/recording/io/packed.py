@@ -88,7 +88,7 @@ def kind_of(path: Path) -> str | None:
     delimiter = _delimiter(rows[-1])
     fields = [_fields(row, delimiter) for row in rows]
     if _are_kinds([row[0] for row in fields]) and all(len(row) > 3 for row in fields):
-        return "words"
+        return None if _names_series(fields[0]) else "words"
     return None if _kind_column(text.splitlines(), delimiter) is None else "column"
 
 
@@ -390,6 +390,12 @@ def _axis_name(kind: str, name: str) -> str:
     return name if match is None or _RECEIVER.search(kind) else match[1].lower() + unit
 
 
+def _names_series(head: list[str]) -> bool:
+    """Whether a header names whole samples, beside which words are remarks; x, y, z alone may be any sensor's."""
+    named = (column[0] for column in columns.recognise_all(head) if column is not None)
+    return columns.series_of(named) not in ([], ["reference"])
+
+
 def _kind_column(rows: Sequence[str], delimiter: str) -> int | None:
     """The column of a table with a header that names the kind of each row; None if there is none."""
     table = [_fields(row, delimiter) for row in rows if row.strip() and not row.startswith(_COMMENTS)][:_LOOKED_AT]
@@ -398,8 +404,8 @@ def _kind_column(rows: Sequence[str], delimiter: str) -> int | None:
     body = [row for row in table[1:] if len(row) == len(table[0])]
     if len(body) < _NEARLY_ALL * (len(table) - 1) - 1 or len(table[0]) < 4:
         return None
-    if columns.series_of(column[0] for column in columns.recognise_all(table[0]) if column) not in ([], ["reference"]):
-        return None  # words beside whole samples are remarks on them; x, y, z alone may be any sensor's
+    if _names_series(table[0]):
+        return None
     kinds = [k for k, name in enumerate(table[0]) if _is_kind_key(name) and _are_kinds([r[k] for r in body])]
     return kinds[0] if len(kinds) == 1 else None
 

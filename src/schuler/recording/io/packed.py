@@ -33,6 +33,7 @@ Row: TypeAlias = dict[str, str]
 _LOOKED_AT = 200  # lines by which a file is recognised
 _NEARLY_ALL = 0.9  # share of lines that are of the form, and of rows that have a column
 _MOST_KINDS, _LONGEST_NAME = 40, 60
+_LEAST_ROWS = 20  # of lists in a document that are a log's, and no matrix
 _LARGEST_LIST = 1 << 30  # of a JSON list, which is read as a whole [bytes]
 _KIND_KEYS = ("sensor", "class", "type", "kind", "topic", "msg", "message", "name", "event")
 _COMMENTS = ("#", "%", "//")
@@ -276,11 +277,15 @@ def _json_list(path: Path) -> Iterator[tuple[str, Row]]:
 
 
 def _json_columns(path: Path) -> Iterator[tuple[str, Row]]:
-    """Rows of each object whose lists are of one length."""
+    """Rows of each object whose lists are of one length, in a document with lists as long as a log's."""
     document = _document(path)
+    tables = []
     for name, entry in [("", document), *(document.items() if isinstance(document, dict) else ())]:
         lists = {key: x for key, x in entry.items() if isinstance(x, list) and x} if isinstance(entry, dict) else {}
         if len({len(x) for x in lists.values()}) == 1 and not any(isinstance(x[0], dict) for x in lists.values()):
+            tables.append((name, lists))
+    if max((len(x) for _, lists in tables for x in lists.values()), default=0) >= _LEAST_ROWS:
+        for name, lists in tables:
             for values in zip(*lists.values(), strict=True):
                 yield name, _object(dict(zip(lists, values, strict=True)))[1]
 

@@ -53,14 +53,14 @@ def carrier_noise(ranges: Ranges, r_e: FloatArray, walk: float) -> tuple[float, 
     lags = np.unique(np.round(np.geomspace(1.0, longest, _LAGS)).astype(np.int64))
     scale = noise_scale(ranges.elevation, ranges.cn0, "elevation+cn0")
     measured = {int(lag): _variance(ranges, r_e, scale, t, row, int(lag), lag * dt, walk) for lag in lags}
-    known = {lag: value for lag, value in measured.items() if np.isfinite(value)}
-    if 1 not in known:
+    finite = {lag: value for lag, value in measured.items() if np.isfinite(value)}
+    if 1 not in finite:
         raise InputError(
             f'gnss.tight.carrier_sigma_m = "log" needs {_LEAST_PAIRS} pairs of epochs with carriers of {_FEWEST} '
             "satellites in common: give a number, 0.003 for a good antenna, 0.01 for a patch or a phone"
         )
-    every = np.arange(1, max(known) + 1)
-    half = np.interp(every, list(known), list(known.values()))  # C(0) - C(k)
+    every = np.arange(1, max(finite) + 1)
+    half = np.interp(every, list(finite), list(finite.values()))  # C(0) - C(k)
     level = float(np.mean(half[2 * len(half) // 3 :]))
     alike = (level - half) / level
     ends = np.flatnonzero(np.append(alike, 0.0) < _ALIKE)[0]

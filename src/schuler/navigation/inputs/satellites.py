@@ -63,8 +63,8 @@ class Points:
 
     def put_into(self, config: NavigationConfig) -> NavigationConfig:
         """The configuration with numbers where it leaves noise to the log."""
-        told = {"clock_noise_m": self.clock_noise, "carrier_sigma_m": self.carrier_sigma}
-        tight = config.gnss.tight.model_copy(update={k: value for k, value in told.items() if value is not None})
+        numbers = {"clock_noise_m": self.clock_noise, "carrier_sigma_m": self.carrier_sigma}
+        tight = config.gnss.tight.model_copy(update={k: value for k, value in numbers.items() if value is not None})
         return config.model_copy(update={"gnss": config.gnss.model_copy(update={"tight": tight})})
 
 

@@ -30,6 +30,12 @@ WITHOUT_FILTER = {
 }  # fmt: skip
 
 
+def pytest_configure(config):
+    """Dates of damaged logs are no error. Said in pyproject.toml, it would load the package, and numpy, before the
+    number of threads above: a single test process then computes with all cores, and half of its time is waiting."""
+    config.addinivalue_line("filterwarnings", "default::schuler.timebase.LeapSecondWarning")
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection(session):
     """Python's search for cycles waits until all tests are there; a second process imports them from the end.

@@ -13,6 +13,7 @@ import re
 import subprocess
 import sys
 import tokenize
+import tomllib
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -376,3 +377,9 @@ def test_every_suppression_names_what_it_suppresses():
 )
 def test_the_search_for_bare_suppressions_tells_them_apart(comment, bad):
     assert bool(bare_suppressions(f'x = "# noqa"  {comment}\n')) is bad
+
+
+def test_settings_of_pytest_load_nothing_of_the_package():
+    """A warning of a class of ours would: numpy then has threads on all cores before tests/conftest.py forbids it."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["pytest"]["ini_options"]
+    assert not [line for line in settings["filterwarnings"] if "schuler" in line]

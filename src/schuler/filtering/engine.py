@@ -7,6 +7,7 @@ is given a whole log or one sample. What the states are and which measurements c
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -173,7 +174,7 @@ class FilterState:
             arcs=np.full(MOST_CHANNELS, -np.inf),
         )
         self.work = Workspace.of_size(n, layout.n_sensor)
-        k.prepare_filter()
+        _compile_once()
         start_gates(self._arrays.gates, nav.t)
         spread_estimates(self._arrays.est, self.model.table, layout.n_sensor, self.work.M, self._arrays.sens)
 
@@ -208,6 +209,14 @@ class FilterState:
         """Covariance in Earth-fixed axes at its last propagation. Shape (n, n)."""
         n = self.layout.size
         return self._arrays.P[:, :n].copy()
+
+
+@functools.cache  # what its arguments' types are takes a sixteenth of the time that short runs take, as those that tune
+def _compile_once() -> None:
+    """Compile or load the filter's kernels when a process runs it first."""
+    from schuler.filtering.kernels.run import prepare_filter
+
+    prepare_filter()
 
 
 def filter_model(layout: StateLayout, gyro_psd: ArrayLike, accel_psd: ArrayLike, earth_rotation: bool = True) -> Model:

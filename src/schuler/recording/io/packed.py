@@ -71,12 +71,12 @@ def kind_of(path: Path) -> str | None:
     except SchulerError:
         return None
     text = head.decode(encoding, errors="replace")
-    if registry.find(head, path) is None and _is_beside_nmea(text, whole=len(head) < path.stat().st_size):
+    if registry.find(head, path) is None and _is_beside_nmea(text, cut=len(head) < path.stat().st_size):
         return "beside-nmea"
     if registry.find(head, path) is not None or kinds_of(path, head):
         return None
     if text.lstrip("\ufeff \r\n\t[").startswith("{"):
-        return _json_kind(text, whole=len(head) < path.stat().st_size)
+        return _json_kind(text, cut=len(head) < path.stat().st_size)
     if "[column names]" in text and "[data]" in text:
         return "vbox"
     rows = [row for row in text.splitlines()[: _LOOKED_AT + 1] if row.strip() and not row.startswith(_COMMENTS)]
@@ -93,10 +93,10 @@ def kind_of(path: Path) -> str | None:
     return None if _kind_column(text.splitlines(), delimiter) is None else "column"
 
 
-def _is_beside_nmea(text: str, *, whole: bool) -> bool:
+def _is_beside_nmea(text: str, *, cut: bool) -> bool:
     """Whether lines are NMEA or rows of as many numbers each, with a word before them or none."""
     rows = text.splitlines()
-    rows = [row.strip() for row in (rows[1:-1] if whole else rows[1:]) if row.strip()]  # a log may begin within a line
+    rows = [row.strip() for row in (rows[1:-1] if cut else rows[1:]) if row.strip()]  # a log may begin within a line
     others = [_fields(row, _delimiter(row)) for row in rows if not row.startswith("$")]
     if not others or len(others) == len(rows) or len(others) < 0.3 * len(rows):
         return False
@@ -122,7 +122,7 @@ def _is_of_form(row: str) -> bool:
     return _is_labelled(row) or _WORD.fullmatch(_fields(row, _delimiter(row))[0]) is not None
 
 
-def _json_kind(text: str, *, whole: bool) -> str | None:
+def _json_kind(text: str, *, cut: bool) -> str | None:
     """Whether text begins as a list of objects, has an object a line, or is one object with columns as lists."""
     if text.lstrip("\ufeff \r\n\t").startswith("["):
         try:
@@ -131,7 +131,7 @@ def _json_kind(text: str, *, whole: bool) -> str | None:
             return None
         return "json-list" if isinstance(first, dict) else None
     rows = [row for row in text.splitlines() if row.strip()]
-    rows = rows[:-1] if whole else rows
+    rows = rows[:-1] if cut else rows
     good = 0
     for row in rows[:_LOOKED_AT]:
         try:

@@ -45,7 +45,7 @@ _PREFIX = re.compile(r"[EWIDV] \((\d+)\) [\w-]+: ")  # of ESP-IDF: level, millis
 _BETWEEN = re.compile(r"[\s,;|]*")
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _BINARY = (".parquet", ".mat", ".npy", ".npz", ".zip", ".gz", ".bag", ".db3", ".mcap", ".bin", ".ubx", ".sbf")
-_RECEIVER = re.compile(r"gnss|gps|location|position|(^|_)fix", re.IGNORECASE)
+_RECEIVER = re.compile(r"gnss|gps|location|(^|_)fix", re.IGNORECASE)  # not position, which may be local
 _SUFFIX = ".csv"
 
 

@@ -4,7 +4,7 @@ from decimal import Decimal, getcontext
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
@@ -184,6 +184,7 @@ def test_noise_model_of_a_budget():
     assert noise_model(TriadSpec(random_walk=1.0)) == NoiseModel((White(1.0),))
 
 
+@settings(deadline=None)  # a busy machine is no fault
 @given(
     st.lists(st.floats(-50.0, 50.0), min_size=1, max_size=40),
     st.sampled_from([1.0, 0.3, 7.0]),

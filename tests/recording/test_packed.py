@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from schuler import read
+from schuler.cli import main
 from schuler.exceptions import FileFormatError, SchulerError
 from schuler.proposal.files import files_of
 from schuler.recording.io import packed
@@ -133,6 +134,22 @@ def test_lines_that_say_what_they_are_hold_the_numbers_of_an_imu_and_of_fixes(fo
     again = as_proposed(beside)
     assert again[0].entries["gnss"]["file"] == f"log.txt/{files.entries['gnss']['file']}"
     np.testing.assert_array_equal(again[1].need_imu().accel, ACCEL)
+
+
+def test_hints_that_name_no_part_are_of_the_imu(tmp_path, capsys):
+    rows = [json.dumps({"t": t, "acc": a.tolist(), "gyro": g.tolist()}) for t, a, g in zip(T, ACCEL, GYRO, strict=True)]
+    path = written(tmp_path, rows + interleaved(lambda k: [], lambda k: json_lines(False)[FIX[k] + k + 1]))
+    stated = {"units": "accel=g,gyro=deg/s", "axes": "FLU"}
+    files = files_of([path], stated)
+    assert files.entries["imu"]["units"] == stated["units"]
+    proposed = read(files.log, **files.entries)
+    assert len(proposed.need_gnss()) == len(FIX)
+    alone = written(tmp_path, rows, "imu.jsonl")
+    for recording in (read(alone, **stated), proposed):
+        np.testing.assert_allclose(recording.need_imu().accel, 9.80665 * ACCEL * [1.0, -1.0, -1.0], rtol=1e-12)
+        np.testing.assert_allclose(recording.need_imu().gyro, np.deg2rad(GYRO * [1.0, -1.0, -1.0]), rtol=1e-12)
+    main(["info", str(alone), "--units", "accel=m/s^2,gyro=rad/s", "--axes", "FRD"])  # as the question says to answer
+    assert "240 samples" in capsys.readouterr().out
 
 
 def test_a_damaged_document_beside_a_log_is_none_of_its_tables(tmp_path):

@@ -18,7 +18,7 @@ from schuler.proposal.hints import accuracy_hints, half_hints, head_of, is_plain
 from schuler.proposal.rivals import chosen
 from schuler.recording.formats import registry
 from schuler.recording.io import columns, packed
-from schuler.recording.io.folder import folders_in, listed, names_in, recognised
+from schuler.recording.io.folder import folders_in, listed, names_in, parted, recognised
 from schuler.recording.io.hint_texts import SATELLITES
 from schuler.units import factor_for
 
@@ -146,6 +146,12 @@ def files_of(paths: Sequence[Path], given: Mapping[str, Any], *, complete: bool 
         return _one(paths[0], given)
     if len(paths) == 1:
         log, names = paths[0], names_in(paths[0])
+        if several:  # hints that name no part are of its IMU
+            given, own = parted(given)
+            files = _folder(log, names, given)
+            files.put("imu", own)
+            files.decisions = [d for d in files.decisions if d.entry not in {f"recording.imu.{name}" for name in own}]
+            return files
     else:
         if folders := [str(p) for p in paths if p.is_dir()]:
             raise InputError(f"expected one folder, or files of one run, got also the folder {', '.join(folders)}")

@@ -74,10 +74,15 @@ def read(path: Path | str, hints: ReadHints | None = None, **more: Any) -> Recor
     """
     path = Path(path)
     entries = any(isinstance(entry, Mapping) and name != "streams" for name, entry in more.items())
-    if path.is_dir() or ((entries or (hints is None and not more)) and packed.tables(path)):
+    given = {**({} if hints is None else hints.given()), **more}
+    if path.is_file() and not {"columns", "format"} & given.keys() and packed.tables(path):
+        from schuler.recording.io.folder import read_packed
+
+        return read_packed(path, given)
+    if path.is_dir():
         from schuler.recording.io.folder import read_folder
 
-        whole = None if entries or path.is_file() else _folder_format(path, hints, more.get("format"))
+        whole = None if entries else _folder_format(path, hints, more.get("format"))
         if whole is not None:
             return read_one(path, _with(hints, more))
         if hints is not None:

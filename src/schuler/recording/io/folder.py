@@ -80,6 +80,39 @@ def read_folder(path: Path | str, parts: Mapping[str, Mapping[str, Any]] | None 
     return replace(merged, metadata=metadata)
 
 
+def read_packed(path: Path, given: Mapping[str, Any]) -> Recording:
+    """Read a file that holds several tables; hints that name no part are of its IMU, or of the one part it has.
+
+    Parameters
+    ----------
+    path : Path
+    given : mapping
+        Entries by part as of :func:`read_folder`, and hints.
+
+    Raises
+    ------
+    FileFormatError, InputError
+        As :func:`read_folder`.
+    """
+    parts, hints = parted(given)
+    entries = {part: dict(entry) for part, entry in (parts or _found(path)[0]).items()}
+    meant = [part for part in ("imu", "accel", "gyro") if part in entries] or list(entries)[:1]
+    for part in meant:
+        entries[part] = hints | entries[part]
+    return read_folder(path, entries)
+
+
+def parted(given: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Entries of parts, and hints that are of none, of a section ``[recording]``.
+
+    Parameters
+    ----------
+    given : mapping
+    """
+    parts = {name: x for name, x in given.items() if isinstance(x, Mapping) and name not in ("streams", "scale")}
+    return parts, {name: x for name, x in given.items() if name not in parts}
+
+
 def _ephemerides(path: Path, entry: Mapping[str, Any]) -> Recording:
     """Ephemerides of one file or several, of which the first with a constant (ionosphere, leap seconds) counts."""
     files = entry.get("file") if isinstance(entry, Mapping) else None

@@ -7,6 +7,7 @@ import operator
 
 import numpy as np
 import pytest
+from tests.fuzz import mutators, targets
 
 from schuler import read
 from schuler.cli import main
@@ -69,7 +70,7 @@ def labels():
 
 
 def words():
-    head = ["% ACCE;AppTimestamp(s);SensorTimestamp(s);Acc_X(m/s^2);Acc_Y(m/s^2);Acc_Z(m/s^2)",
+    head = ["%", "", "% ACCE;AppTimestamp(s);SensorTimestamp(s);Acc_X(m/s^2);Acc_Y(m/s^2);Acc_Z(m/s^2)",
             "% GYRO;AppTimestamp(s);SensorTimestamp(s);Gyr_X(rad/s);Gyr_Y(rad/s);Gyr_Z(rad/s)"]  # fmt: skip
     return head + interleaved(
         lambda k: [";".join(["ACCE", *texts([T[k], 7e4 + T[k], *ACCEL[k]])]),
@@ -259,15 +260,16 @@ def test_minutes_and_longitudes_to_the_west_of_a_vbox(tmp_path):
 @pytest.mark.fuzz
 @pytest.mark.parametrize("form", FORMS)
 def test_damaged_texts_are_read_or_refused_in_words(form, tmp_path):
+    """Without the guard of readers: what they do not foresee, warnings among it, is a finding."""
     sample = ("\n".join(FORMS[form][0]()) + "\n").encode()
     rng = np.random.default_rng(11)
     marks = [b"9" * 400, b'"', b"{", b"nan", b"1e999", b",", b"\n", b"\x00", b"[[", b"\xff\xfe"]
-    for k in range(60):
+    for k in range(40):
         text = bytearray(sample)
         for at in rng.integers(len(text) // 2, size=rng.integers(1, 8)):
             cut = int(rng.choice([0, 1, 3, 50, 2000]))
             text[at : at + cut] = marks[rng.integers(len(marks))] if k % 2 else b""
         path = tmp_path / f"log{k}.txt"
-        path.write_bytes(bytes(text))
-        with contextlib.suppress(SchulerError):
+        path.write_bytes(bytes(text) if k < 20 else mutators.damage("csv", sample, k))
+        with targets.unguarded(), contextlib.suppress(SchulerError):
             as_proposed(path)

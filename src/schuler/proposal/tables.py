@@ -117,10 +117,10 @@ def time_unit(t: FloatArray) -> tuple[str, str | None] | None:
     time : str or None
         ``unix`` for stamps of this century; None for a counter.
     """
-    step = float(np.median(np.diff(t)))
+    step = float(np.median(np.diff(t))) if len(t) > 1 else np.nan
     for unit, second in _TIME_UNITS:
         if _FASTEST_S <= step * second <= _SLOWEST_S:
-            unix = _UNIX_S[0] <= t[0] * second <= _UNIX_S[1]
+            unix = _UNIX_S[0] <= float(t[0]) * second <= _UNIX_S[1]
             return unit, "unix" if unix else None
     return None
 
@@ -133,7 +133,7 @@ def unix_unit(t: FloatArray) -> str | None:
     t : ndarray, shape (n,)
         As written.
     """
-    sizes = [] if not len(t) else [u for u, second in _TIME_UNITS if _UNIX_S[0] <= t[0] * second <= _UNIX_S[1]]
+    sizes = [] if not len(t) else [u for u, second in _TIME_UNITS if _UNIX_S[0] <= float(t[0]) * second <= _UNIX_S[1]]
     return sizes[0] if sizes else None
 
 

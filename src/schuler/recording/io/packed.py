@@ -375,8 +375,8 @@ def _commented_headers(path: Path) -> dict[tuple[str, int], list[str]]:
     """Columns of kinds as comments name them, one time among them."""
     headers = {}
     for row in lines.check_file(path).decode("latin-1").splitlines():
-        text = row.strip().lstrip("#%/ ")
-        kind, *names = _fields(text, _delimiter(text))
+        text = row.lstrip("#%/ ").strip()
+        kind, *names = _fields(text, _delimiter(text)) or [""]
         if row.startswith(_COMMENTS) and len(names) > 3 and _WORD.fullmatch(kind):
             times = [k for k, name in enumerate(names) if "time" in name.lower()]
             for k in times[1:]:

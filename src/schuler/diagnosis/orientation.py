@@ -12,6 +12,7 @@ from schuler.diagnosis import gyro_unit, support
 from schuler.diagnosis.accel_unit import stated_factor
 from schuler.diagnosis.axes import SIGNIFICANT, Guess, axes_findings, judge, scores
 from schuler.diagnosis.axes_evidence import AxesEvidence, measure_axes
+from schuler.diagnosis.course import UPRIGHT
 from schuler.diagnosis.lag import Lag
 from schuler.diagnosis.motion import Motion, WindowMeans, motion_of
 from schuler.diagnosis.result import Finding, Severity
@@ -23,7 +24,6 @@ from schuler.recording.series import ImuSeries
 from schuler.standstill.unscaled import UnscaledRests
 
 _SWING = 5.0  # scatter of samples over that of their means, of a limb
-_UPRIGHT = (0.8, 1.2)  # norm of mean specific force that is gravity's, so that it tells down
 
 
 def find_axes(state: DiagnosisState, means: WindowMeans, motion: Motion, lag: Lag) -> None:
@@ -49,7 +49,7 @@ def find_axes(state: DiagnosisState, means: WindowMeans, motion: Motion, lag: La
     size = float(np.linalg.norm(level)) * state.scaling.factor / state.gravity
     if size <= 0.0:
         return
-    if not _UPRIGHT[0] < size < _UPRIGHT[1]:
+    if not UPRIGHT[0] < size < UPRIGHT[1]:
         state.undetermined.append("the IMU's axes (nothing rests, and the mean of specific force is not gravity)")
         return
     if _swings(state.imu, means, motion, lag):

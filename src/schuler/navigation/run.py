@@ -15,12 +15,13 @@ from schuler.exceptions import ConfigError
 from schuler.files import package_version
 from schuler.filtering.engine import Progress, unpack_symmetric
 from schuler.filtering.initial_state import InitialState
+from schuler.filtering.measurements import in_windows
 from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.gnss_faults import rejections
-from schuler.navigation.inputs.imu_axes import axes_covariance, axes_note
+from schuler.navigation.inputs.imu_axes import against_course, axes_covariance, axes_note
 from schuler.navigation.inputs.imu_noise import noise_against_budget
 from schuler.navigation.inputs.preparation import (
     current_velocities,
@@ -43,6 +44,7 @@ from schuler.navigation.tuning.delay import delay_at_end, delay_note
 from schuler.navigation.tuning.tuning import Tuning, tune
 from schuler.recording.io.own import time_document
 from schuler.recording.recording import Recording
+from schuler.recording.series import GnssSeries
 from schuler.sensors.spec import ImuSpec
 
 
@@ -99,12 +101,13 @@ def navigate(
     prepare = partial(_prepared_later, recording, initial=initial, calibration=calibration, base=base)
     asked = config
     config, prepared, tuned = supported_run(asked, prepare, aligned=initial is None)
-    noisy = noise_against_budget(prepared.imu, prepared.spec)  # before the run takes memory
+    doubts = noise_against_budget(prepared.imu, prepared.spec)  # before the run takes memory
+    doubts += against_course(prepared.imu, _given_fixes(recording, prepared))
     forward = prepared.run(progress=progress, keep_part=True)
     if forward.epochs == 0 or not len(forward.rec_t):
         raise KeyboardInterrupt  # stopped before the first record
     notes, schedule = [*prepared.notes, *tuned], prepared.schedule
-    notes += noisy
+    notes += doubts
     provenance = provenance_of(recording, config, prepared.spec, prepared.calibrated)
     if config.gnss.delay_sigma_s > asked.gnss.delay_sigma_s:
         delay, sigma = delay_at_end(forward, prepared)
@@ -130,6 +133,15 @@ def navigate(
         ranges=prepared.ranges,
         points=None if prepared.points is None else prepared.points.solution,
     )
+
+
+def _given_fixes(recording: Recording, prepared: PreparedRun) -> GnssSeries | None:
+    """Fixes at their times by the IMU's clock, those withheld by outages left out."""
+    gnss = recording.gnss if prepared.points is None else prepared.points.gnss
+    if gnss is None:
+        return None
+    gnss = replace(gnss, t=gnss.t + prepared.fixes_later_s)
+    return gnss.where(~in_windows(gnss.t, prepared.windows))
 
 
 def _prepared_later(recording: Recording, config: NavigationConfig, fixes_later_s: float, **given: Any) -> PreparedRun:

@@ -14,7 +14,7 @@ from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.evidence import slow_nis
 from schuler.navigation.evaluation.verdict import Verdict
 from schuler.navigation.inputs.gnss_faults import rejections
-from schuler.navigation.inputs.imu_axes import AXES_UNCERTAIN
+from schuler.navigation.inputs.imu_axes import AGAINST_COURSE, AXES_UNCERTAIN, against_course
 from schuler.navigation.inputs.imu_noise import NOISIER, noise_against_budget
 from schuler.navigation.result import Innovations
 from schuler.navigation.run import navigate
@@ -91,6 +91,7 @@ def test_a_run_with_right_models_is_ok(seed, sections):
 UNTUNED = {"filter": {"tune": False}}
 WRECKS = {
     "gyro sign": (lambda r: with_imu(r, [1, 1, -1], 1.0), {}, "failed", "axes or mounting"),
+    "gyro sign, by the course": (lambda r: with_imu(r, -1.0, 1.0), {}, None, "turns against the course of the fixes"),
     "upside down": (lambda r: with_imu(r, [1, -1, -1], [1, -1, -1]), {}, "doubtful", "axes or mounting"),
     "clock 1 s late": (lambda r: with_gnss(r, t=r.gnss.t + 1.0), UNTUNED, None, "clocks that differ"),
     "clock 1 s early": (lambda r: with_gnss(r, t=r.gnss.t - 1.0), UNTUNED, None, "clocks that differ"),
@@ -122,6 +123,20 @@ def test_a_planted_wreck_is_not_ok_and_its_cause_is_listed(recording, name):
     assert verdict.status == status if status else verdict.status != "ok"
     assert any(cause in c for c in verdict.causes), verdict.summary()
     assert verdict.reasons
+
+
+def test_gyroscopes_against_the_course_are_doubted_alone_and_are_the_likeliest_cause(recording):
+    """A dense enough chain of good fixes carries a run whose gyroscope is reversed: nothing else in it says so."""
+    assert against_course(recording.imu, recording.gnss) == []
+    assert against_course(recording.imu, None) == []
+    (note,) = against_course(with_imu(recording, [1, 1, -1], 1.0).imu, recording.gnss)
+    assert note.startswith(AGAINST_COURSE)
+    assert "about z" in note
+    run = navigate(recording, config())
+    verdict = replace(run, notes=(*run.notes, note)).verdict
+    assert verdict.status == "doubtful"
+    assert verdict.reasons == (note,)
+    assert "turns against the course of the fixes" in verdict.causes[0]
 
 
 def test_no_reference_is_asked(recording):

@@ -27,6 +27,11 @@ _CONTRADICTION = (
     "IMU and GNSS tell of different motions: axes or mounting of the IMU (imu.mount_rpy_deg), clocks that differ "
     "(imu.clock_shift_s), or heading at the start (alignment); schuler check tells them apart"
 )
+_REVERSED = (
+    "the gyroscope about the vertical turns against the course of the fixes: its sign is reversed (reading hint scale, "
+    "such as 'gz=-1'), or the accelerometers show gravity instead of specific force, or the axes of the two differ: "
+    "schuler check"
+)
 #: Openings of notes on the log that explain a wreck.
 _TELLING = ("GNSS velocities seem to be", "GNSS positions jump")
 
@@ -47,6 +52,8 @@ def causes(result: NavigationResult, findings: list[Finding]) -> list[str]:
         explained.append((0.9, "states ran away: begin with fewer states, and look at gaps and spikes of the log"))
     if "noise" in size:
         explained.append((0.8, "the budget of the IMU is not this unit's or not its units': imu, schuler allan"))
+    if "against course" in size:
+        explained.append((0.97, _REVERSED))
     if "heading given" in size:
         explained.append((0.9, "the heading given is wrong (alignment.rpy_deg), or axes and mounting of the IMU are"))
     if "no noise" in size:

@@ -27,6 +27,7 @@ from schuler.filtering.measurements import (
 from schuler.filtering.states import BLOCK_TEXT
 from schuler.navigation.evaluation.consistency import judged, matched_satellites
 from schuler.navigation.inputs.gnss_faults import LARGER, SLOW_LEFT, enlargement
+from schuler.navigation.inputs.imu_axes import AGAINST_COURSE
 from schuler.navigation.inputs.imu_noise import NO_NOISE, NOISIER
 from schuler.navigation.start.heading import HEADING_CONTRADICTED
 from schuler.recording.io.possible import MAX_SPEED, RADII
@@ -89,6 +90,7 @@ def evidence(result: NavigationResult) -> list[Finding]:
             findings.append(Finding(-1 if cured else 0, note, "adapted", factor))
     findings += [Finding(0, note, "slow left") for note in result.notes if note.startswith(SLOW_LEFT)]
     findings += [Finding(0, note, "no noise") for note in result.notes if note.startswith(NO_NOISE)]
+    findings += [Finding(0, n, "against course") for n in result.notes if n.startswith(AGAINST_COURSE)]
     findings += [Finding(0, n, "heading given") for n in result.notes if n.startswith(HEADING_CONTRADICTED)]
     # sensor errors that change are the filter's failure only where measurements are rejected too
     if not any(f.key.startswith("rejected") for f in findings):

@@ -1,20 +1,27 @@
-"""Axes of the sensors in the body, which budget or calibration states, and the attitude that is claimed with them."""
+"""Axes of the sensors in the body, which budget or calibration states, and the attitude that is claimed with them.
+
+Signs of the gyroscopes are the fixes' to contradict, by their course.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from schuler.arrays import FloatArray
+from schuler.diagnosis.course import course_turns
 from schuler.filtering.states import StateLayout
 from schuler.navigation.sections import AidingSection
 from schuler.navigation.start.calibrated_errors import state_places
 from schuler.navigation.start.calibration import CalibrationStart
 from schuler.navigation.start.sensor_errors import M_A, M_G, SIZE
+from schuler.recording.series import GnssSeries, ImuSeries
 from schuler.sensors import ImuSpec
 from schuler.units import DEG
 
 #: Beginning of the note.
 AXES_UNCERTAIN = "the attitude is that of the sensors' axes"
+#: Beginning of the note on gyroscopes of a wrong sign, by which the verdict on a run knows it.
+AGAINST_COURSE = "the gyroscopes turn against the course of the fixes"
 _CLEARLY = 3.0  # times the 1-sigma of the filter alone
 
 
@@ -114,4 +121,26 @@ def axes_note(axes_covariance_b: FloatArray, P_attitude: FloatArray, *, calibrat
     return [
         f"{AXES_UNCERTAIN}, which the IMU's {source} states to {axes / DEG:.2g} deg: that of the body is claimed to no "
         f"better, where motion shows the sensors' to {alone / DEG:.1g} deg{less}"
+    ]
+
+
+def against_course(imu: ImuSeries, gnss: GnssSeries | None) -> list[str]:
+    """A sentence if the gyroscopes turn against the course of the fixes in either half of the motion.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+        Body axes, as it is navigated.
+    gnss : GnssSeries, optional
+        Fixes that the run is given, at their times by the IMU's clock.
+    """
+    turns = None if gnss is None else course_turns(imu, gnss)
+    if turns is None or not turns.reversed:
+        return []
+    axis = f"{turns.axis}, " if turns.axis else ""
+    (a, b), (sigma_a, sigma_b) = turns.gain, turns.sigma
+    return [
+        f"{AGAINST_COURSE}: about {axis}the vertical that the accelerometers show, the course turns {a:.2f} times as "
+        f"fast as they in the first half of the motion and {b:.2f} times in the second (1-sigma {sigma_a:.1g}, "
+        f"{sigma_b:.1g})"
     ]

@@ -139,6 +139,14 @@ def test_without_a_reference(full, tmp_path):
     assert page.text["h1"] == ["a drive"]
 
 
+def test_a_claim_alone_says_what_is_not_in_it(full, everything, tmp_path):
+    """Fixes that are all off alike move the solution alike, unless a state stands for that."""
+    texts = [Page(run.result.report(tmp_path / "r.html").read_text()).plain for run in (full, everything)]
+    assert "an error that all its fixes share for minutes is not in that" in texts[0]
+    assert "b_r" in everything.result.layout
+    assert "fixes share" not in texts[1]
+
+
 def test_against_fixes_at_the_antenna(full, tmp_path):
     away = replace(full.result, lever_arm_b=np.array([0.5, -0.3, -1.2]))
     page = Page(away.report(tmp_path / "r.html", reference=full.truth, at_antenna=True, gnss=full.gnss).read_text())

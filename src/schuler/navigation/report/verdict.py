@@ -186,6 +186,11 @@ def _accuracy_sentence(subject: Subject) -> str:
             f"uncertainty of {number(_median(claimed), 'm')} (median) and "
             f"{number(float(np.nanmax(claimed)), 'm')} at worst"
         )
+        if np.any(result.innovations.kind == POSITION) and "b_r" not in result.layout:
+            text += (
+                "; an error that all its fixes share for minutes is not in that, and innovations hardly show it "
+                "(gnss.correlated states one)"
+            )
     else:
         text = "there is neither a reference nor a record of the uncertainty"
     return (cut + text if cut else text[0].upper() + text[1:]) + "."

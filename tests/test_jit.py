@@ -434,3 +434,40 @@ def test_what_users_compile_is_compiled_as_numba_does():
     with pytest.raises(numba.core.errors.TypingError):
         impossible(1.5)
     assert parts() == before
+
+
+APART = """
+from schuler.jit import apart, borrowing, inlined
+
+@apart
+def seldom(x):
+    for i in range(x.shape[0]):
+        x[i] *= 3.0
+
+@inlined
+def update(x):
+    if x[0] > 1.0:
+        seldom(x)
+    if x[1] > 1.0:
+        seldom(x)
+
+@borrowing
+def run(x):
+    update(x)
+    return 0
+"""
+
+
+def test_what_a_run_seldom_comes_to_is_one_function_whoever_calls_it(tmp_path):
+    """Of an inlined caller numba would hand on that it is to be inlined: one copy a call."""
+    path = tmp_path / "kernels.py"
+    path.write_text(APART, encoding="utf-8")
+    names: dict[str, object] = {"__name__": "kernels", "__file__": str(path)}
+    exec(compile(APART, str(path), "exec"), names)
+    compiled, x = names["run"], np.array([2.0, 2.0])
+    compiled(x)
+    assert x.tolist() == [18.0, 18.0]
+    (text,) = compiled.inspect_llvm().values()
+    code = [line for line in text.splitlines() if "seldom" in line]
+    assert sum(line.startswith("define") for line in code) == 1
+    assert sum(" call " in line for line in code) == 2

@@ -84,6 +84,17 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     return _kept(function, {"_nrt": False, "forceinline": True})
 
 
+def apart(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Like :func:`borrowing` for what a run seldom comes to: one function of its own, whoever calls it.
+
+    A helper goes into its callers as often as it is called, with all that it calls itself: numba hands ``forceinline``
+    of an inlined caller on to it.
+    """
+    compiled = _kept(function, {"_nrt": False, "forceinline": False}, unrolled=False)
+    cast(Any, compiled).apart = True
+    return compiled
+
+
 def _kept(function: Callable[..., Any], options: dict[str, Any], *, unrolled: bool = True) -> Callable[..., Any]:
     """Compiled function whose machine code on disk is used only while no kernel source has changed.
 
@@ -253,6 +264,8 @@ def _part(compiled: Any, args: tuple[Any, ...]) -> tuple[Any, object]:
         result = _core.compiler.compile_extra(
             compiled.typingctx, context, compiled.py_func, args, None, flags, {}, library=code
         )
+        if hasattr(compiled, "apart"):
+            code._final_module.get_function(result.fndesc.mangled_name).add_function_attribute("noinline")
         key = object()
         context.insert_user_function(key, result.fndesc, [code])
     return result.signature, key

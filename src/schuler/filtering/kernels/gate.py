@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 
 from schuler.filtering.kernels.update import CARRIER_PHASE, POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY, innovate
-from schuler.jit import borrowing, inlined
+from schuler.jit import apart, borrowing, inlined
 
 # What became of a measurement.
 ACCEPTED = 1
@@ -98,7 +98,7 @@ def scale_fixes(factor, row):
     row[R_LARGEST] = max(row[R_LARGEST], row[R_SCALE])
 
 
-@borrowing
+@apart
 def grow_noise(factor, row, state, model):
     """Enlarge the noise that innovations show to be too small: the fixes' where they alternate, or the IMU's."""
     if row[LAGGED] < ALTERNATING * row[MEAN_NIS] or state.gates[0, SCALE] >= MOST_NOISE:
@@ -175,13 +175,13 @@ def taken(t, row, e):
         row[WHITE + i] = e[i]
 
 
-@borrowing
+@apart
 def repeated(state, work, R, d):
     """Innovation against the covariance as it is now."""
     return innovate(state.P, work.H, work.y, R, d, work.W, work.G, work.e, work.S, work.L)
 
 
-@borrowing
+@apart
 def readmit(kind, t, nis, gate, coast, R, state, model, work):
     """Take a fix that a drift of the filter over ``coast`` seconds keeps beyond the gate."""
     y = work.y
@@ -194,7 +194,7 @@ def readmit(kind, t, nis, gate, coast, R, state, model, work):
     return FORCED
 
 
-@borrowing
+@apart
 def jump(kind, t, velocity, R, state, work):
     """Take a fix from which the filter is away by a jump."""
     enlarge_alone(kind, work.y, velocity, work.U, state.P)
@@ -232,7 +232,7 @@ def remember(kind, t, nis, gate, other, row, R, state, work):
     row[LAST_AT] = t
 
 
-@borrowing
+@apart
 def judge_rejected(kind, t, nis, gate, R, settings, state, model, work):
     """What becomes of a position or velocity beyond the gate."""
     gates, y = state.gates, work.y

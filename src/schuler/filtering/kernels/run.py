@@ -41,7 +41,7 @@ from schuler.filtering.kernels.update import (
     ned_axes,
     reset,
 )
-from schuler.jit import borrowing, inlined, prepare, prepare_beside
+from schuler.jit import apart, borrowing, inlined, prepare, prepare_beside
 from schuler.mechanization.kernels import advance_ecef, cut_interval, fit_interval
 
 # Running counts: intervals and samples since the last propagation, measurements, records, nodes, updates, outputs,
@@ -143,7 +143,7 @@ def widen_noise(psd, settings, h, noise):
         noise[3 + i] = psd[3 + i] + settings.gap_accel * settings.gap_accel * h
 
 
-@inlined
+@apart
 def keep_enlarged(P, nav, acc, B, t, cnt, nodes):
     """Store a covariance that was enlarged at a propagation: a node of its own, no time later and without a transition.
 
@@ -168,7 +168,7 @@ def keep_before(state):
             before[5 + i] = est[i]
 
 
-@inlined
+@apart
 def turn(state, model, work, t, nodes):
     """Carry the covariance to the axes of corrected estimates; to the smoother it is a node of its own."""
     before, nav, est = state.before, state.nav, state.est
@@ -192,7 +192,7 @@ def turn(state, model, work, t, nodes):
         state.counts[CNT_FLUSH] += 1
 
 
-@inlined
+@apart
 def start_arc(j, channel, aiding, state, model, work, nodes):
     """Begin an arc with carrier phase ``j``, whose row is in ``work``; to the smoother it is a node of its own.
 

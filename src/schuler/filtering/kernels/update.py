@@ -9,7 +9,7 @@ from schuler.filtering.kernels.covariance import PAD, dcm, padded
 from schuler.filtering.kernels.range import ambiguity, multipath, pseudorange, range_rate
 from schuler.filtering.kernels.rest import earth_rate, gravity_magnitude, gravity_vector
 from schuler.filtering.kernels.vehicle import heading, height, rate_columns, vehicle_velocity, zero_rate
-from schuler.jit import borrowing, inlined
+from schuler.jit import apart, borrowing, inlined
 from schuler.mechanization.kernels import gravity_e, rotate_by
 
 _A = WGS84.a
@@ -299,7 +299,7 @@ def measurement_rows(kind, z, lever, nav, est, reg, sens, ptab, n_sensor, at, om
     return earth_rate(z, nav, sens, ptab, n_sensor, omega, kind == EARTH_RATE, H, y, U)
 
 
-@borrowing
+@apart
 def reset(kind, R, P, nav, y, U):
     """Put position or velocity where the measurement says, with its covariance and no memory: no filter update.
 

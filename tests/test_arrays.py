@@ -1,5 +1,7 @@
 """Shape and value checks: what is accepted, and what the messages say about what is not."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -173,3 +175,15 @@ def test_masked_values_are_refused_and_a_mask_of_nothing_is_no_mask():
     with pytest.raises(InputError, match="masked array; fill or cut"):
         as_floats(np.ma.array([1.0, 2.0, 3.0], mask=[False, True, False]), "t")
     np.testing.assert_array_equal(as_floats(np.ma.array([1.0, 2.0, 3.0]), "t"), [1.0, 2.0, 3.0])
+
+
+def test_a_long_array_is_checked_in_little_memory():
+    x = np.zeros((1_500_000, 2))
+    tracemalloc.start()
+    assert as_floats(x, "x") is x
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 0.6 * x.size  # [byte]
+    x[-1, -1] = np.nan
+    with pytest.raises(InputError, match="first at index 1499999"):
+        as_floats(x, "x")

@@ -13,6 +13,7 @@ FloatArray: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
 ArrayLike: TypeAlias = npt.ArrayLike
+_BLOCK = 1 << 20  # values that are looked at at a time
 
 
 def as_floats(value: ArrayLike, name: str, shape: tuple[int | None, ...] | None = None) -> FloatArray:
@@ -44,7 +45,7 @@ def as_floats(value: ArrayLike, name: str, shape: tuple[int | None, ...] | None 
     if shape is not None and not _fits(array.shape, shape):
         expected = "(" + ", ".join("n" if s is None else str(s) for s in shape) + ("," if len(shape) == 1 else "") + ")"
         raise InputError(f"{name}: expected shape {expected}, got {array.shape}")
-    if not np.isfinite(array).all():
+    if not _finite(array):
         rows = np.atleast_1d(array)
         bad = int(np.flatnonzero(~np.isfinite(rows.reshape(len(rows), -1)).all(axis=1))[0])
         raise InputError(f"{name}: expected finite numbers, got NaN or infinity first at index {bad}; cut or fill it")
@@ -60,6 +61,12 @@ def readonly(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """The same array with writing switched off, for the fields of frozen data classes."""
     array.setflags(write=False)
     return array
+
+
+def _finite(array: FloatArray) -> bool:
+    """Whether all values are finite, of a long array a part at a time."""
+    values = array.reshape(-1)
+    return all(bool(np.isfinite(values[k : k + _BLOCK]).all()) for k in range(0, values.size, _BLOCK))
 
 
 def _fits(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:

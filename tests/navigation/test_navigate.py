@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from schuler import units
 from schuler.exceptions import ConfigError, InputError
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.errors import drift_curve, outage_errors, trajectory_errors
+from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.run import navigate
 from schuler.navigation.states import imu_spec
 from schuler.recording.recording import Recording
@@ -63,6 +65,26 @@ def config(**sections):
 @pytest.fixture(scope="module")
 def recording():
     return drive()
+
+
+def test_rates_of_the_log_are_forgotten_before_it_is_filtered(monkeypatch):
+    """Alignment makes them of increments; of a day at 200 Hz they are 830 MB."""
+    made, left, rates, run = [], [], ImuSeries.rates, PreparedRun.run
+
+    def keep(imu):
+        made.append(weakref.ref(series := rates(imu)))
+        return series
+
+    def count(prepared, *given, **more):
+        left.append(sum(ref() is not None for ref in made))
+        return run(prepared, *given, **more)
+
+    recording = drive()
+    monkeypatch.setattr(ImuSeries, "rates", keep)
+    monkeypatch.setattr(PreparedRun, "run", count)
+    navigate(recording, config(filter={"tune": False}))
+    assert made
+    assert left[-1] == 0
 
 
 def test_a_drive_from_rest_is_navigated(recording):

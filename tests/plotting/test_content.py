@@ -125,3 +125,24 @@ def test_legend_names_each_label_once():
 @pytest.mark.parametrize("limit", [1, 2, 5])
 def test_absurd_limits_do_not_fail(limit):
     assert len(thin([np.arange(100.0)], limit)) >= 2
+
+
+def test_a_long_line_is_thinned_in_parts(monkeypatch):
+    rng = np.random.default_rng(3)
+    columns = [rng.standard_normal(50_000).round(1) for _ in range(2)]
+    whole = thin(columns)
+    monkeypatch.setattr(content, "_BLOCK", 1000)
+    np.testing.assert_array_equal(thin(columns), whole)
+    columns[0][[5, 20_000, 20_001, 49_990]] = np.nan
+    in_parts = thin(columns)
+    monkeypatch.undo()
+    np.testing.assert_array_equal(thin(columns), in_parts)
+
+
+@pytest.mark.parametrize("pause", [4.0, 6.0])
+def test_a_line_breaks_where_its_steps_are_of_several_sizes(pause, monkeypatch):
+    monkeypatch.setattr(content, "_BLOCK", 7)
+    x = np.cumsum([1.0] * 14 + [pause] + [1.0] * 5)
+    drawn = line(x, np.zeros(20), "mean")
+    assert np.isnan(drawn.y).sum() == (pause > 5.0)
+    assert len(line(np.zeros(4), np.zeros(4), "mean").x) == 4

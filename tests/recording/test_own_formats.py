@@ -13,6 +13,7 @@ import pytest
 from schuler.exceptions import FileFormatError, InputError, MissingExtraError
 from schuler.gnss.ephemerides import Ephemerides, no_glonass, no_kepler
 from schuler.recording import ImuSeries, Recording
+from schuler.recording.formats import parquet
 from schuler.recording.formats.parquet import read_table, write_table
 from schuler.recording.io import read, write
 from schuler.recording.io.dispatch import left_out
@@ -383,6 +384,27 @@ def test_a_parquet_column_that_ends_before_the_others_is_refused(run, tmp_path):
     path.write_bytes(data)
     with pytest.raises(FileFormatError, match="expected 25 rows of imu, got 13 of its column ay"):
         read(path)
+
+
+def test_columns_of_a_parquet_file_are_forgotten_when_they_are_joined(run, tmp_path, monkeypatch):
+    """Stamps and what becomes one array, not all columns beside the arrays: of a day at 200 Hz 1.5 GB."""
+    held = {}
+
+    def keep(columns, name, values):
+        dict.__setitem__(columns, name, values)
+        held[columns._part] = max(held.get(columns._part, 0), len(columns))
+
+    monkeypatch.setattr(parquet._RowGroup, "__setitem__", keep, raising=False)
+    [path] = write(run, tmp_path / "run.parquet")
+    assert read(path).reference.q_eb is not None
+    assert (held["imu"], held["reference"]) == (3, 5)
+
+
+def test_a_column_of_one_value_is_made_of_parts(run, tmp_path, monkeypatch):
+    [whole] = write(run, tmp_path / "whole.parquet")
+    monkeypatch.setattr(parquet, "_ALIKE", 7)
+    [parts] = write(run, tmp_path / "parts.parquet")
+    assert pq.read_table(parts).equals(pq.read_table(whole))
 
 
 def test_a_parquet_file_with_a_column_twice_is_refused(tmp_path):

@@ -14,6 +14,7 @@ import numpy as np
 from schuler import units
 from schuler.arrays import FloatArray
 from schuler.diagnosis.result import Finding
+from schuler.recording.io.checks import norms
 from schuler.standstill.unscaled import UnscaledRests
 
 UNITS = {"m/s^2": 1.0, "g": units.G0, "mg": units.MG, "ug": units.UG, "ft/s^2": units.FT, "cm/s^2": 0.01}
@@ -78,10 +79,10 @@ def level_at_rest(accel: FloatArray, rests: UnscaledRests) -> tuple[float, bool]
     if len(rests):
         weight = rests.t[:, 1] - rests.t[:, 0]
         # a face of an uncalibrated sensor may be off: the median over rests
-        order = np.argsort(norms := np.linalg.norm(rests.accel, axis=1))
+        order = np.argsort(sizes := np.linalg.norm(rests.accel, axis=1))
         share = np.cumsum(weight[order])
-        return float(norms[order][np.searchsorted(share, 0.5 * share[-1])]), True
-    return float(np.median(np.linalg.norm(accel, axis=1))), False
+        return float(sizes[order][np.searchsorted(share, 0.5 * share[-1])]), True
+    return float(np.median(norms(accel), overwrite_input=True)), False
 
 
 def accel_unit(
@@ -215,7 +216,7 @@ def _gravity_shows(accel: FloatArray, interval: float) -> bool:
     steady = np.argsort(y.std(axis=1).max(axis=1))[: m // 4]
     norm = np.linalg.norm(y.mean(axis=1)[steady], axis=1)
     low, middle, high = np.quantile(norm, (0.1, 0.5, 0.9))
-    return bool(high - low < 0.7 * middle and middle > 0.3 * np.median(np.linalg.norm(accel, axis=1)))
+    return bool(high - low < 0.7 * middle and middle > 0.3 * np.median(norms(accel), overwrite_input=True))
 
 
 def _mean_is_noise(accel: FloatArray) -> bool:

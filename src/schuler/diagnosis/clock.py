@@ -129,7 +129,7 @@ def find_clock(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> WindowM
         if gain > 10.0 and abs(distance) > 0.5:
             ahead = distance
             lag = replace(lag, offset=at, sigma=float(np.hypot(lag.sigma, 0.02)))
-    state.lag, state.means = lag, means
+    state.lag = lag
     evidence = {
         "offset_s": lag.offset,
         "sigma_s": lag.sigma,

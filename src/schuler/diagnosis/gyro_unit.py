@@ -11,7 +11,7 @@ from schuler import rotation, units
 from schuler.arrays import FloatArray
 from schuler.diagnosis.axes import changes, signed_permutations
 from schuler.diagnosis.result import Finding
-from schuler.recording.io.checks import largest
+from schuler.recording.io.checks import largest, norms
 from schuler.recording.series import ImuSeries
 from schuler.standstill.unscaled import UnscaledRests, unscaled_rests
 
@@ -162,8 +162,7 @@ def possible_units(imu: ImuSeries) -> tuple[list[str], str]:
     factor near one of either sign, for the sensor swings too: on shoes 0.4 to 1.5 in magnitude, where the next unit is
     57 times away. On vehicles the two are hardly correlated.
     """
-    size = np.linalg.norm(imu.gyro, axis=1)
-    top = float(np.quantile(size, 0.999))
+    top = float(np.quantile(norms(imu.gyro), 0.999, overwrite_input=True))
     rests = unscaled_rests(imu)
     still = _bias_at_rest(rests)
     left = [u for u in ("deg/s", "rad/s", "mdeg/s") if top * UNITS[u] < _WIDEST and still * UNITS[u] < _LARGEST_BIAS]

@@ -14,7 +14,8 @@ import numpy as np
 
 from schuler import frames
 from schuler.arrays import BoolArray, FloatArray
-from schuler.recording.series import GnssSeries, ImuSeries
+from schuler.recording.io.checks import largest
+from schuler.recording.series import SENSORS, GnssSeries, ImuSeries
 
 HALF_S = 0.5  # half of the interval that accelerations are means of
 MOST = 4000  # epochs looked at
@@ -127,29 +128,34 @@ class WindowMeans:
     """Means of IMU samples over windows about given times, from one running integral."""
 
     def __init__(self, imu: ImuSeries) -> None:
-        rates = imu.rates()
-        readings = (rates.accel, rates.gyro)
-        dt = np.diff(rates.t)
-        self.t = rates.t
-        self.origin = np.concatenate([x.mean(axis=0) for x in readings])
+        self.t = imu.t
+        self.origin = np.empty(6)
         self.sums = np.zeros((len(self.t), 6))
         mid = self.sums[1:]  # all in place: of a day at 200 Hz each copy is 830 MB
-        for x, out in zip(readings, (mid[:, :3], mid[:, 3:]), strict=True):
+        for k, sensor in enumerate(SENSORS):
+            own = slice(3 * k, 3 * k + 3)
+            x, out = imu.mean_rates(sensor), mid[:, own]
+            self.origin[own] = x.mean(axis=0)
             if imu.kind == "rate":
                 np.add(x[1:], x[:-1], out=out)
                 out *= 0.5
             else:  # an increment is the mean over the interval that ends at its stamp
                 out[:] = x[1:]
-        del rates, readings, x
+            del x
+        dt = np.diff(self.t)
         mid -= self.origin
         mid *= dt[:, None]
         np.cumsum(mid, axis=0, out=mid)
-        mean = (self.t[-1] - self.t[0]) / (len(self.t) - 1)
-        even = self.t[0] + mean * np.arange(len(self.t))
-        # stamps near even ones are found by counting instead of searching
-        self.step = float(mean) if np.abs(self.t - even).max() < 0.4 * mean else 0.0
         # number of steps before a sample that are a pause of the log
-        self.pauses = np.concatenate(([0], np.cumsum(dt > _PAUSE * imu.interval)))
+        self.pauses = np.zeros(len(self.t), dtype=np.int64)
+        np.cumsum(dt > _PAUSE * imu.interval, out=self.pauses[1:])
+        del dt
+        mean = (self.t[-1] - self.t[0]) / (len(self.t) - 1)
+        off = mean * np.arange(len(self.t))
+        off += self.t[0]
+        off -= self.t
+        # stamps near even ones are found by counting instead of searching
+        self.step = float(mean) if largest(off) < 0.4 * mean else 0.0
 
     def at(self, t: FloatArray, half: float) -> tuple[FloatArray, BoolArray]:
         """Accelerometer and gyro means, shape (n, 6), and whether the log covers each window."""

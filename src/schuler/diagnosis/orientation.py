@@ -84,14 +84,13 @@ def _swings(imu: ImuSeries | None, means: WindowMeans, motion: Motion, lag: Lag)
     use = motion.moving & inside
     if use.sum() < 20:
         return False
-    rates = imu.rates()
-    raw = (rates.accel, rates.gyro)
+    spread = (
+        np.linalg.norm(imu.mean_rates("accel").std(axis=0)),
+        np.linalg.norm((w := imu.mean_rates("gyro")).std(axis=0)),
+    )
     slow = (y[use][:, :3], y[use][:, 3:])
-    ratio = [
-        float(np.linalg.norm(x.std(axis=0))) / max(float(np.linalg.norm(s.std(axis=0))), 1e-300)
-        for x, s in zip(raw, slow, strict=True)
-    ]
-    w = rates.gyro - rates.gyro.mean(axis=0)
+    ratio = [float(x) / max(float(np.linalg.norm(s.std(axis=0))), 1e-300) for x, s in zip(spread, slow, strict=True)]
+    w = w - w.mean(axis=0)
     alike = float(np.vdot(w[1:], w[:-1]) / max(float(np.vdot(w, w)), 1e-300))  # noise is not, from sample to sample
     return min(ratio) > _SWING and alike > 0.5
 

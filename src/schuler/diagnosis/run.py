@@ -167,7 +167,7 @@ def _against_gnss(state: DiagnosisState) -> None:
             find_axes(state, means, motion, state.lag)
     if state.apart is not None and motion is not None:
         aligned = WindowMeans(imu.shifted(state.apart.offset))
-        state.lag, state.means = replace(state.apart, offset=0.0), aligned
+        state.lag = replace(state.apart, offset=0.0)
         find_axes(state, aligned, motion, state.lag)
     if "axes" not in state.checked:
         find_upright(state)

@@ -8,7 +8,7 @@ from typing import Any
 from schuler.arrays import FloatArray
 from schuler.diagnosis.accel_unit import Scaling
 from schuler.diagnosis.lag import Lag
-from schuler.diagnosis.motion import Motion, WindowMeans
+from schuler.diagnosis.motion import Motion
 from schuler.diagnosis.positions import GnssView
 from schuler.diagnosis.result import Finding
 from schuler.recording.recording import Recording
@@ -45,9 +45,7 @@ class DiagnosisState:
     motion : Motion or None
         By GNSS.
     lag : Lag or None
-        Between ``means`` and ``motion``.
-    means : WindowMeans or None
-        Means of the IMU, the drift of its clock taken out.
+        Between the IMU and ``motion``.
     apart : Lag or None
         Between logs whose times do not overlap, by the motion in both.
     """
@@ -66,7 +64,6 @@ class DiagnosisState:
     view: GnssView | None = None
     motion: Motion | None = None
     lag: Lag | None = None
-    means: WindowMeans | None = None
     apart: Lag | None = None
     undetermined: list[str] = field(default_factory=list)
 

@@ -19,6 +19,8 @@ from schuler.timebase import SAME_TIME, check_times
 from schuler.units import G0
 
 Kind = Literal["rate", "increment"]
+Sensor = Literal["accel", "gyro"]
+SENSORS: tuple[Sensor, Sensor] = ("accel", "gyro")
 
 #: GNSS solution quality, RTKLIB's numbers.
 QUALITY = {1: "fixed", 2: "float", 3: "sbas", 4: "dgps", 5: "single", 6: "ppp", 7: "dead reckoning"}
@@ -120,7 +122,7 @@ class ImuSeries(Displayed):
     @cached_property
     def interval(self) -> float:
         """Median spacing of the samples. [s]"""
-        return float(np.median(np.diff(self.t))) if len(self.t) > 1 else float("nan")
+        return float(np.median(np.diff(self.t), overwrite_input=True)) if len(self.t) > 1 else float("nan")
 
     @property
     def rate_hz(self) -> float:
@@ -171,8 +173,14 @@ class ImuSeries(Displayed):
         """The log as mean rates over the sample intervals; itself if it already holds rates."""
         if self.kind == "rate":
             return self
+        return replace(self, gyro=self.mean_rates("gyro"), accel=self.mean_rates("accel"), kind="rate")
+
+    def mean_rates(self, sensor: Sensor) -> FloatArray:
+        """One sensor's part of :meth:`rates`: of a day of increments at 200 Hz that of both is 830 MB. Shape (n, 3)."""
+        if self.kind == "rate":
+            return self.gyro if sensor == "gyro" else self.accel
         inc = self.increments()
-        return replace(self, gyro=inc.dtheta_ib_b / inc.dt[:, None], accel=inc.dv_ib_b / inc.dt[:, None], kind="rate")
+        return np.asarray((inc.dtheta_ib_b if sensor == "gyro" else inc.dv_ib_b) / inc.dt[:, None])
 
     def magnitudes(self) -> tuple[FloatArray, FloatArray]:
         """Sizes of specific force [m/s^2] and angular rate [rad/s], of increments mean ones. Shapes (n,)."""

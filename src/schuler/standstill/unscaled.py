@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray, IntArray
-from schuler.recording.io.checks import largest, quiet_rates
+from schuler.recording.io.checks import largest, norms, quiet_rates
 from schuler.recording.series import ImuSeries
 from schuler.standstill.intervals import true_runs
+
+_BLOCK = 1 << 16  # samples that are looked at at a time
 
 
 @dataclass(frozen=True)
@@ -93,8 +95,11 @@ def unscaled_rests(
     f = imu.accel[: m * per].reshape(m, per, 3)
     w = imu.gyro[: m * per].reshape(m, per, 3)
     times = t[: m * per].reshape(m, per)
-    typical = float(np.median(np.linalg.norm(imu.accel, axis=1)))
-    f_sd, w_sd = f.std(axis=1), w.std(axis=1)
+    typical = float(np.median(norms(imu.accel), overwrite_input=True))
+    # a part at a time: deviations from the mean of a window are as much as the log
+    number = max(1, _BLOCK // per)
+    parts = [slice(k, k + number) for k in range(0, m, number)]
+    f_sd, w_sd = (np.concatenate([x[k].std(axis=1) for k in parts]) for x in (f, w))
     steady = _steady_force(f, f_sd, typical, force_spread, force_drift)
     mean_rate, mean_force = w.mean(axis=1), f.mean(axis=1)
     still = steady & quiet_rates(w_sd.max(axis=1), mean_rate, mean_force, steady, largest(imu.gyro), rate_noise)

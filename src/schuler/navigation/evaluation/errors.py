@@ -261,6 +261,8 @@ class OutageError:
 
 def outage_errors(errors: TrajectoryErrors, windows: Sequence[tuple[float, float]]) -> list[OutageError]:
     """Errors inside each outage; windows without a reference epoch are left out."""
+    if not windows:  # errors of a long run are made anew
+        return []
     outages = []
     horizontal, vertical = errors.horizontal, np.abs(errors.position_n[:, 2])
     for start, stop in windows:

@@ -30,6 +30,7 @@ from schuler.navigation.inputs.gnss_faults import LARGER, SLOW_LEFT, enlargement
 from schuler.navigation.inputs.imu_axes import AGAINST_COURSE
 from schuler.navigation.inputs.imu_noise import NO_NOISE, NOISIER
 from schuler.navigation.start.heading import HEADING_CONTRADICTED
+from schuler.recording.io.checks import norms
 from schuler.recording.io.possible import MAX_SPEED, RADII
 
 if TYPE_CHECKING:
@@ -114,7 +115,7 @@ def _numbers(result: NavigationResult) -> Iterator[Finding]:
     if not (np.isfinite(T.r_eb_e).all() and np.isfinite(T.q_eb).all()):
         yield Finding(1, "the solution holds values that are not numbers", "numbers")
     elif T.v_eb_e is not None and len(T.t):
-        v, r = np.linalg.norm(T.v_eb_e, axis=1), np.linalg.norm(T.r_eb_e, axis=1)
+        v, r = norms(T.v_eb_e), norms(T.r_eb_e)
         impossible = np.flatnonzero((v > MAX_SPEED) | (r > RADII[1]))
         if len(impossible):
             text = f"the solution reaches {v.max():.3g} m/s and {r.max():.3g} m from the Earth's centre, which nothing "

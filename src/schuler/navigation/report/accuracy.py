@@ -77,10 +77,11 @@ def errors(subject: Subject, block: str) -> Figure | None:
             return None
         if within is None:
             within = inside_shares(e.t, value, result.t, subject.sigma(result, block))
+        t = subject.seconds(e.t)
         for i in range(len(AXES)):
-            curves[i].append(line(subject.seconds(e.t), factor * value[:, i], role, role))
+            curves[i].append(line(t, factor * value[:, i], role, role))
             shares[i].append(f"{role} {_percent(float(within[i]))}")
-        del value  # before that of the next is made
+        del value, t  # before that of the next is made
     if not curves[0]:
         return None
     panels = []

@@ -31,6 +31,7 @@ FORMAT = "schuler/recording/2"
 KEY = b"schuler"
 _FAMILY = FORMAT.rpartition("/")[0]
 _ROOM = 1 << 28  # what any file may unpack to [byte]
+_ALIKE = 1 << 16  # rows of a column that says the same in each
 _PACKED = 200  # times its size, beyond that: a log has a time column, which packs by 5
 
 
@@ -63,13 +64,19 @@ def write_parquet(recording: Recording, path: Path | str) -> list[Path]:
     with files.replacing(path) as temporary, pq.ParquetWriter(temporary, schema, compression="none") as writer:
         for series, table in flat.items():
             rows = own.rows(table)
-            nothing = {kind: pa.nulls(rows, kind) for kind in (pa.int64(), pa.float64())}  # shared by all its columns
-            arrays = [pa.array([series] * rows, pa.string())]
+            nothing = {kind: _alike(pa.nulls(min(rows, _ALIKE), kind), rows) for kind in (pa.int64(), pa.float64())}
+            arrays = [_alike(pa.array([series] * min(rows, _ALIKE), pa.string()), rows)]
             arrays += [
                 pa.array(np.ascontiguousarray(table[n]), types[n]) if n in table else nothing[types[n]] for n in names
             ]
             writer.write_table(pa.Table.from_arrays(arrays, schema=schema), row_group_size=rows)
     return [Path(path)]
+
+
+def _alike(part: Any, rows: int) -> Any:
+    """A column of one value, of a part of it over and over: of a day at 200 Hz each would take 140 MB."""
+    pa, _ = _pyarrow("writing Parquet")
+    return pa.chunked_array([part] * (rows // len(part)) + [part.slice(0, rows % len(part))], part.type)
 
 
 def read_parquet(path: Path, hints: ReadHints) -> Recording:
@@ -106,14 +113,15 @@ def _parts(path: Path, file: Any, document: Mapping[str, Any]) -> dict[str, Any]
     made: dict[str, Any] = {}
     satellites: dict[str, Columns] = {}
     for group, (name, entry) in enumerate(entries.items()):
-        flat = _row_group(path, file, group, name)
-        own.check_rows(name, entry, own.rows(flat), path)
+        flat = _RowGroup(path, file, group, name)
+        own.check_rows(name, entry, flat.rows, path)
         if name in own_satellites.TABLES:
-            satellites[name] = flat
+            satellites[name] = flat.read()
             continue
         try:
-            flat = _of_their_own(flat)
             made[name] = own.unflatten(name, flat, str(entry.get("kind", "rate")))
+        except FileFormatError:
+            raise
         except KeyError as error:
             raise FileFormatError(f"the column {error} of {name} is missing; write the file anew", path) from error
         except SchulerError as error:
@@ -132,32 +140,52 @@ def _sharing_stamps(imu: ImuSeries, t: FloatArray) -> ImuSeries:
     return replace(imu, t=same) if np.array_equal(same, imu.t) else imu
 
 
-def _row_group(path: Path, file: Any, group: int, name: str) -> Columns:
-    """Columns of one part; those of the other parts, which are null here, are not even read."""
-    names = [n for n in file.schema_arrow.names if n in own.COLUMNS[name]]
-    arrays: Columns = {}
-    for n in names:  # one after the other: what a table of all of them needs beside is as much again
-        table = _guarded(path, lambda n=n: file.read_row_group(group, columns=[n], use_threads=False))
-        column = _to_numpy(table, path)[n]
-        if column is not None:
-            arrays[n] = column
-    if not arrays:
-        raise FileFormatError(f"the columns of {name} are missing; write the file anew", path)
-    # a damaged page may end before its column does, of which pyarrow says nothing where columns are read alone
-    expected = file.metadata.row_group(group).num_rows
-    cut = [n for n, a in arrays.items() if len(a) != expected]
-    if cut:
-        raise FileFormatError(
-            f"expected {expected} rows of {name}, got {len(arrays[cut[0]])} of its column {cut[0]}: "
-            "the file is damaged; write it anew",
-            path,
-        )
-    return arrays
+class _RowGroup(dict[str, np.ndarray[Any, np.dtype[Any]]]):
+    """Columns of one part, each read when it is asked for: all at once take as much as the part that is made of them.
 
+    Those of the other parts, which are null here, are not even read.
+    """
 
-def _of_their_own(flat: Columns) -> Columns:
-    """Columns that become arrays of a series as they are, copied: those of pyarrow cannot be written to."""
-    return {n: a if a.flags.writeable or n in own.JOINED else a.copy() for n, a in flat.items()}
+    def __init__(self, path: Path, file: Any, group: int, part: str) -> None:
+        super().__init__()
+        self._path, self._file, self._group, self._part = path, file, group, part
+        self._left = own.COLUMNS[part] & set(file.schema_arrow.names)
+        self.rows: int = file.metadata.row_group(group).num_rows
+
+    def read(self) -> Columns:
+        """All columns."""
+        for name in [n for n in self._file.schema_arrow.names if n in self._left]:
+            self.get(name)
+        if not self:
+            raise FileFormatError(f"the columns of {self._part} are missing; write the file anew", self._path)
+        return dict(self)
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """A column, or the default if there is none or it has no value."""
+        if name in self._left:
+            self._left.remove(name)
+            path, file = self._path, self._file
+            table = _guarded(path, lambda: file.read_row_group(self._group, columns=[name], use_threads=False))
+            column = _to_numpy(table, path)[name]
+            if column is not None:
+                # a damaged page may end before its column does, of which pyarrow says nothing of columns read alone
+                if len(column) != self.rows:
+                    raise FileFormatError(
+                        f"expected {self.rows} rows of {self._part}, got {len(column)} of its column {name}: "
+                        "the file is damaged; write it anew",
+                        path,
+                    )
+                # those that become arrays of a series as they are must be written to, which pyarrow's cannot be
+                self[name] = column if column.flags.writeable or name in own.JOINED else column.copy()
+        return super().get(name, default)
+
+    def __contains__(self, name: object) -> bool:
+        return self.get(str(name)) is not None
+
+    def __missing__(self, name: str) -> Any:
+        if (column := self.get(name)) is None:
+            raise KeyError(name)
+        return column
 
 
 def write_table(path: Path | str, columns: _Columns | Iterable[_Columns], meta: Mapping[str, Any]) -> Path:

@@ -72,23 +72,31 @@ def unit_quaternions(q: FloatArray, refused: Callable[[int, str], Exception], to
     Exception
         What ``refused`` makes of the first row of another norm.
     """
-    norm = np.empty(len(q))
+    given = q
     for start in range(0, len(q), _BLOCK):
         k = slice(start, start + _BLOCK)
-        norm[k] = np.linalg.norm(np.clip(q[k], -2.0, 2.0), axis=1)  # damaged numbers do not overflow
-    bad = np.flatnonzero(~(np.abs(norm - 1.0) <= tolerance))
-    if len(bad):
-        raise refused(int(bad[0]), f"expected a unit quaternion, got norm {norm[bad[0]]:.4g}")
-    rounded = np.flatnonzero(np.abs(norm - 1.0) > 1e-12)
-    if len(rounded):
-        q = q.copy()
-        q[rounded] /= norm[rounded, None]
+        norm = np.linalg.norm(np.clip(given[k], -2.0, 2.0), axis=1)  # damaged numbers do not overflow
+        bad = np.flatnonzero(~(np.abs(norm - 1.0) <= tolerance))
+        if len(bad):
+            raise refused(start + int(bad[0]), f"expected a unit quaternion, got norm {norm[bad[0]]:.4g}")
+        rounded = np.flatnonzero(np.abs(norm - 1.0) > 1e-12)
+        if len(rounded):
+            q = q.copy() if q is given else q
+            q[start + rounded] /= norm[rounded, None]
     return q
 
 
 def largest(values: FloatArray) -> float:
     """Largest absolute value; no array of absolute values is made for it. 0 if there are none."""
     return float(max(values.max(), -values.min())) if values.size else 0.0
+
+
+def norms(values: FloatArray) -> FloatArray:
+    """Sizes of vectors, made a part at a time: squares and copies of all take twice what they do. Shape (n,)."""
+    size = np.empty(len(values))
+    for start in range(0, len(values), _BLOCK):
+        size[start : start + _BLOCK] = np.linalg.norm(values[start : start + _BLOCK], axis=1)
+    return size
 
 
 def find_rest(t: FloatArray, accel: FloatArray, gyro: FloatArray, interval: float | None = None) -> slice | None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray
 from schuler.exceptions import FileFormatError
-from schuler.recording.io.checks import MAX_FORCE, MAX_RATE, largest
+from schuler.recording.io.checks import MAX_FORCE, MAX_RATE, largest, norms
 from schuler.recording.io.hint_texts import COUNTS_NOTE
 from schuler.recording.recording import TIMED, Recording
 from schuler.recording.series import ImuSeries
@@ -143,9 +143,9 @@ def _lone_readings(recording: Recording) -> Iterator[tuple[int, str]]:
     imu = recording.imu
     if imu is None or len(imu) <= 2 * _BESIDE or any(COUNTS_NOTE in note for note in recording.metadata.notes):
         return
-    for i, (values, what, unit) in enumerate(
-        zip(reversed(_mean_rates(imu)), ("angular rate", "specific force"), ("rad/s", "m/s^2"), strict=True)
-    ):
+    readings = ((imu.gyro, "angular rate", "rad/s"), (imu.accel, "specific force", "m/s^2"))
+    for i, (measured, what, unit) in enumerate(readings):
+        values = _mean_rates(imu, measured)
         if not largest(values) > 0.5 * _LONE[i]:
             continue
         size = np.abs(values).max(axis=1)
@@ -180,9 +180,10 @@ def _quantities(recording: Recording) -> Iterator[_Quantity]:
             yield _Quantity(name, "the stamp", series.t[[0, -1]], (-MAX_TIME, MAX_TIME), "s")
     if (imu := recording.imu) is not None:
         if not any(COUNTS_NOTE in note for note in recording.metadata.notes):
-            accel, gyro = _mean_rates(imu)
-            yield _Quantity("imu", "specific force", accel, (-MAX_FORCE, MAX_FORCE), "m/s^2", scaled=True)
-            yield _Quantity("imu", "angular rate", gyro, (-MAX_RATE, MAX_RATE), "rad/s", scaled=True)
+            for y, name, most, unit in (
+                (imu.accel, "specific force", MAX_FORCE, "m/s^2"), (imu.gyro, "angular rate", MAX_RATE, "rad/s"),
+            ):  # fmt: skip
+                yield _Quantity("imu", name, _mean_rates(imu, y), (-most, most), unit, scaled=True)
         if imu.magnetometer is not None and not any(COUNTS_NOTE in note for note in recording.metadata.notes):
             yield _Quantity("imu", "the magnetometer", imu.magnetometer, (-MAX_FIELD, MAX_FIELD), "T", scaled=True)
         if imu.temperature is not None:
@@ -227,19 +228,19 @@ def _quantities(recording: Recording) -> Iterator[_Quantity]:
             yield _Quantity("ranges", name, values, (-most, most), unit, holes=True)
     if (reference := recording.reference) is not None:
         with np.errstate(over="ignore"):  # infinite is beyond all limits
-            radius = np.linalg.norm(reference.r_eb_e, axis=1)
+            radius = norms(reference.r_eb_e)
         yield _Quantity("reference", "distance from the Earth's centre", radius, RADII, "m")
         if reference.v_eb_e is not None:
             yield _Quantity("reference", "velocity", reference.v_eb_e, (-MAX_SPEED, MAX_SPEED), "m/s")
 
 
-def _mean_rates(imu: ImuSeries) -> tuple[FloatArray, FloatArray]:
-    """Specific force and angular rate; of increments over the usual interval, which a pause makes larger."""
+def _mean_rates(imu: ImuSeries, y: FloatArray) -> FloatArray:
+    """Specific force or angular rate; of increments over the usual interval, which a pause makes larger."""
     if imu.kind == "rate" or len(imu) < 2:
-        return imu.accel, imu.gyro
-    dt = np.maximum(np.diff(imu.t, prepend=imu.t[0] - imu.interval), imu.interval)[:, None]
+        return y
+    dt = np.diff(imu.t, prepend=imu.t[0] - imu.interval)
     with np.errstate(over="ignore"):  # infinite is beyond all limits
-        return imu.accel / dt, imu.gyro / dt
+        return y / np.maximum(dt, imu.interval, out=dt)[:, None]
 
 
 def _sigmas(cov: FloatArray) -> FloatArray:

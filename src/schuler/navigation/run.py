@@ -37,7 +37,7 @@ from schuler.navigation.result import NavigationResult
 from schuler.navigation.start.alignment import advance_to_log_start, align, aligned_sentence, with_mount_in_heading
 from schuler.navigation.start.calibration import CalibrationStart, configured_start
 from schuler.navigation.start.carried import carried_starts
-from schuler.navigation.start.heading import WIDTH, judged_start, likeliest_start
+from schuler.navigation.start.heading import WIDTH, as_sure_as_shown, judged_start, likeliest_start
 from schuler.navigation.states import imu_spec, state_layout, white_noise_psd
 from schuler.navigation.tuning.automatic import supported_run
 from schuler.navigation.tuning.delay import delay_at_end, delay_note
@@ -214,7 +214,9 @@ def prepared_run(
         judged, method, sentences = judged_start(aligned, prepared, finish)
         if judged is aligned.initial and fixes is not None:
             carried = carried_starts(aligned, prepared, fixes, config)
-            judged, method = likeliest_start(aligned, carried, prepared, finish)
+            shown, doubts = as_sure_as_shown(aligned, prepared, finish)
+            judged, method = likeliest_start(shown, carried, prepared, finish)
+            sentences += doubts if judged is shown.initial else []
         notes += [*sentences, aligned_sentence(judged, method, float(imu.t[0]))]
         prepared = replace(prepared, initial=finish(judged))
         if aligned.source in ("course", "none"):

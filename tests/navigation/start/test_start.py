@@ -430,7 +430,22 @@ def test_an_upright_x_axis_has_no_course(drive, up, begin):
 
 
 def test_a_right_course_is_left_alone(drive):
-    assert not notes(navigate(drive, config()), "accelerations")
+    result = navigate(drive, config())
+    assert not notes(result, "accelerations")
+    assert not notes(result, "the course is taken for the heading")
+
+
+@pytest.mark.parametrize("aside", [-12.0, 30.0])
+def test_a_course_aside_of_the_heading_is_claimed_no_better_than_fixes_bear_it_out(drive, aside):
+    """A body that goes aside of where it points, too little for another heading to be clearly likelier."""
+    C = rotation.dcm_from_rpy(np.array([0.0, 0.0, aside * units.DEG]))
+    turned = replace(drive, imu=replace(drive.imu, gyro=drive.imu.gyro @ C, accel=drive.imu.accel @ C))
+    prepared = prepared_run(turned, NavigationConfig.checked(config()))
+    nav = prepared.initial.nav
+    true = drive.reference.at(np.array([nav.t])).rpy_nb[0, 2] + aside * units.DEG
+    off, sigma = abs(frames.wrap_angle(nav.rpy_nb[2] - true)), float(np.sqrt(prepared.initial.P[2, 2]))
+    assert off < 3.0 * sigma
+    assert any("bear out no more" in note for note in prepared.notes)
 
 
 @pytest.mark.parametrize("first", [7, 10, 13])

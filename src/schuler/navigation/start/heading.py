@@ -29,6 +29,7 @@ _CIRCLE = 24  # headings of a full circle
 WIDTH = np.pi / _CIRCLE
 _UNSURE = 30.0 * units.DEG  # a given heading less sure than this is one of a circle
 _LOOSE = 45.0 * units.DEG  # 1-sigma with which a doubtful course counts among the headings of a circle [rad]
+_WIDER = (2.0 * WIDTH, _LOOSE)  # 1-sigma that a sure course may have instead [rad]
 _DECIDED = 20.0 * units.DEG  # spread of the headings that remain likely
 #: Difference of log-likelihoods that overrules a course: chi-square of 20, one degree of freedom.
 CONVICTS = 10.0
@@ -174,6 +175,42 @@ def judged_start(
     elif start.source != "none":
         sentence += f"; the {'course' if start.source == 'course' else 'one given'} is {off:.0f} deg off it"
     return start.at_heading(heading, sigma), f"{method.split(', heading')[0]}, heading from accelerations", [sentence]
+
+
+def as_sure_as_shown(
+    start: Start, prepared: PreparedRun, finish: Callable[[InitialState], InitialState]
+) -> tuple[Start, list[str]]:
+    """The start with its course as sure a heading as the fixes of the first minute bear out, and a sentence if less.
+
+    Parameters
+    ----------
+    start, prepared, finish
+        As for :func:`judged_start`, which left the course as it is.
+
+    Notes
+    -----
+    The course of a body that need not go where it points (a multicopter, a vehicle whose IMU is not along it) is a
+    heading to tens of degrees only. A run that begins with it as a sure one learns better within seconds, so that no
+    other heading is much likelier over a minute; a larger 1-sigma at the same heading is, since nothing has to be
+    unlearnt. It has to be likelier by as much as another heading, with all fixes and with those that pass the gates.
+    Ranges say nothing here: their errors stay on a satellite, and look like the heading's.
+    """
+    fixes = prepared.ranges is None and np.isin(prepared.schedule.kind, _JUDGED).any()
+    if start.source != "course" or start.sigma >= WIDTH or not fixes:
+        return start, []
+    sigmas = [start.sigma, *_WIDER]
+    for gated in (False, True):
+        trial = [lambda state, span, gated=gated: log_likelihood(prepared, finish(state), span, gated=gated)]
+        relative, _ = _relative(start, trial, np.zeros(len(sigmas)), sigmas, _SPANS_S[0])
+        if relative[0] > -CONVICTS:
+            return start, []
+        sigmas = [start.sigma, sigmas[int(np.argmax(relative))]]
+    sentence = (
+        f"the course is taken for the heading at the start to {sigmas[1] / units.DEG:.0f} deg, not to "
+        f"{start.sigma / units.DEG:.1g}: fixes of the first {_SPANS_S[0]:.0f} s bear out no more (a body that does not "
+        "go where it points, or check the mount)"
+    )
+    return replace(start, initial=start.at_heading(start.heading, sigmas[1]), sigma=sigmas[1]), [sentence]
 
 
 def likeliest_start(

@@ -144,6 +144,7 @@ def parse_unit(text: str) -> Unit:
         If a part of the text is no unit known here; the message lists what is.
     """
     tokens, position = [], 0
+    text = re.sub(r"(?<=[A-Za-z])\.(?=[A-Za-z])", "·", text)  # m.s^-2
     while position < len(text.rstrip()):
         match = _TOKEN.match(text, position)
         if match is None:

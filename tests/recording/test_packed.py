@@ -96,7 +96,68 @@ def labels_behind_a_log():
     ]
 
 
+def words_around_numbers():
+    """As a terminal shows them behind what the device said when it started."""
+    head = ["ets Jul 29 2019 12:21:46", "rst:0x1 (POWERON_RESET)", "I (29) boot: version 4.4.5"]
+    return head + interleaved(
+        lambda k: [f"I ({20 * k}) IMU: a=({', '.join(texts(ACCEL[k]))}) g=({', '.join(texts(GYRO[k]))}) T=34.5"],
+        lambda k: f"I ({20 * FIX[k]}) GPS: Location: {LLH[k, 0]},{LLH[k, 1]}  Alt: {LLH[k, 2]}m  Sats: {7 + k % 3}",
+    )
+
+
+def names_before_numbers():
+    def row(kind, counts, names, values):
+        pairs = ",".join(f"{name},{x}" for name, x in zip(names, texts(values), strict=True))
+        packet = f"2024-05-17T18:53:02.{counts // 1000 % 1000:03d},FD,1D,0,{counts % 7:X}"
+        return f"{packet},{kind},time_usec,{counts},{pairs},,Len,41"
+
+    names = [f"{axis}{sensor}" for sensor in ("acc", "gyro") for axis in "xyz"]
+    return interleaved(
+        lambda k: [row("mavlink_raw_imu_t", 20_000 * k, names, [*ACCEL[k], *GYRO[k]])],
+        lambda k: row("mavlink_gps_raw_int_t", int(20_000 * FIX[k]), ("lat", "lon", "alt", "eph"), [*LLH[k], 78.0]),
+    )
+
+
+def rows_with_gaps():
+    """A row a sensor, below names, units and sources of the columns, some of which come again."""
+    head = ["timestamp,latitude,longitude,altitude,speed,lateral_acc,speed,x_acc,y_acc,z_acc,x_rate_of_rotation,"
+            "y_rate_of_rotation,z_rate_of_rotation", "s,deg,deg,m,m/s,G,m/s,m/s^2,m/s^2,m/s^2,rad/s,rad/s,rad/s",
+            ",gps,gps,gps,gps,calc,calc,acc,acc,acc,gyro,gyro,gyro"]  # fmt: skip
+    return head + interleaved(
+        lambda k: [",".join([*texts([T[k]]), *[""] * 6, *texts([*ACCEL[k], *GYRO[k]])])],
+        lambda k: ",".join([*texts([T[FIX[k]], *LLH[k]]), "0.5", "0.1", "0.5", *[""] * 6]),
+    )
+
+
+def lines_that_name_columns():
+    """ArduPilot's text, with a second unit."""
+    head = ["FMT, 198, 58, IMU, Qffffff, TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ",
+            "FMT, 130, 52, GPS, QBLLe, TimeUS,I,Lat,Lng,Alt", "PARM, 1, NAME, 3"]  # fmt: skip
+
+    def imu(k, unit):
+        return ", ".join(["IMU", str(20_000 * k), str(unit), *texts([*GYRO[k], *(ACCEL[k] + unit)])])
+
+    return head + interleaved(
+        lambda k: [imu(k, 0), imu(k, 1)],
+        lambda k: ", ".join(["GPS", str(20_000 * FIX[k]), "0", *texts(LLH[k])]),
+    )
+
+
+def lines_that_name_columns_and_units():
+    """FlySight's."""
+    head = ["$FLYS,1", "$VAR,DEVICE,003e", "$COL,IMU,time,wx,wy,wz,ax,ay,az",
+            "$UNIT,IMU,s,rad/s,rad/s,rad/s,m/s^2,m/s^2,m/s^2", "$COL,GNSS,time,lat,lon,hMSL", "$UNIT,GNSS,s,deg,deg,m",
+            "$DATA"]  # fmt: skip
+    return head + interleaved(
+        lambda k: [",".join(["$IMU", *texts([T[k], *GYRO[k], *ACCEL[k]])])],
+        lambda k: ",".join(["$GNSS", *texts([T[FIX[k]], *LLH[k]])]),
+    )
+
+
 FORMS = {
+    "words around numbers": (words_around_numbers, "free"), "names before numbers": (names_before_numbers, "pairs"),
+    "gaps": (rows_with_gaps, "gaps"), "named columns": (lines_that_name_columns, "named"),
+    "named columns and units": (lines_that_name_columns_and_units, "named"),
     "json": (lambda: json_lines(False), "json"), "json with a kind": (lambda: json_lines(True), "json"),
     "list": (json_list, "json-list"), "lists": (json_columns, "json-columns"), "labels": (labels, "labels"),
     "words": (words, "words"), "column": (column, "column"),

@@ -71,7 +71,7 @@ def overlaps(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> bool:
         "gnss_s": [float(t[0]), float(t[-1])],
     }
     apart = float(t[0] - imu.t[0])
-    guess = ""
+    guess, whole = "", 0.0
     for name, value in (
         ("a GPS week", timebase.WEEK_S),
         ("the epochs of Unix and GPS time", timebase.UNIX_TO_GPS_S),
@@ -79,7 +79,7 @@ def overlaps(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> bool:
     ):
         n = round(apart / value)
         if n != 0 and abs(apart - n * value) < min(0.05 * value, 1500.0) and abs(n) < (30 if value == 3600.0 else 3000):
-            guess = f"; they are about {abs(n)} times {name} apart"
+            guess, whole = f"; they are about {abs(n)} times {name} apart", n * value
             break
     text = (
         f"IMU ({imu.t[0]:.1f}..{imu.t[-1]:.1f} s) and GNSS ({t[0]:.1f}..{t[-1]:.1f} s) have "
@@ -93,7 +93,8 @@ def overlaps(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> bool:
             evidence["offset_s"] = lag.offset
             evidence["sigma_s"] = lag.sigma
             text += f"; the same motion is in both, {lag.offset:+.3f} s apart (1-sigma {lag.sigma:.3f} s)"
-            fix = f"offset={state.offset + lag.offset:.3f} for the IMU, or the right meaning of its stamps (time=...)"
+            exact = whole if abs(lag.offset - whole) < 3.0 * lag.sigma else lag.offset  # such as the hours of a zone
+            fix = f"offset={state.offset + exact:.3f} (or the right meaning of the IMU's stamps, time=...)"
     severity: Severity = "error" if common <= 1.0 else "warning"
     state.findings.append(Finding("no_overlap", severity, text, 0.99, fix, evidence))
     return False

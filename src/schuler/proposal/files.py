@@ -203,6 +203,8 @@ def _folder(log: Path, names: list[str], given: Mapping[str, Any]) -> Files:
         elif not held and registry.find(head, path) is not None:
             wholes.append(name)  # a bag, or what else holds a run
             continue
+        elif not held and tables.fix_columns(path) is not None:
+            held = ("gnss",)
         if not held:
             files.ignored.append(name)
             continue

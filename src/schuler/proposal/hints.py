@@ -55,17 +55,22 @@ def table_hints(path: Path, section: str, part: str | None) -> tuple[dict[str, A
     decisions: list[Decision] = []
     if part is None:
         match = tables.imu_columns(path)
+        if match is None and (match := tables.fix_columns(path)) is not None:
+            part = "gnss"
         if match is None:
             return None, []
         entry["columns"] = match[0]
         decisions.append(Decision(f"{section}.columns", match[0], match[1]))
     if part not in (None, "imu"):
-        entry, decisions = _clock(path, section)
+        of_clock, more = _clock(path, section, entry.get("columns"))
+        entry, decisions = entry | of_clock, decisions + more
         if part == "gnss" and (scale := _whole_units(path)):
             entry["scale"] = scale
             why = "whole numbers beyond 180: u-blox's units, 1e-7 deg, mm, mm/s and 1e-5 deg"
             decisions.append(Decision(f"{section}.scale", scale, why))
-        accuracy, more = ({}, []) if section.endswith("reference") else accuracy_hints(path, section, part)
+        accuracy, more = (
+            ({}, []) if section.endswith("reference") else accuracy_hints(path, section, part, entry.get("columns"))
+        )
         return entry | accuracy, decisions + more
     names, stated = _layout(path, entry.get("columns")) if path.suffix.lower() not in _ARRAYS else (
         str(entry["columns"]).split(","), set()
@@ -110,9 +115,9 @@ def table_hints(path: Path, section: str, part: str | None) -> tuple[dict[str, A
     return entry, decisions
 
 
-def _clock(path: Path, section: str) -> tuple[dict[str, Any], list[Decision]]:
+def _clock(path: Path, section: str, given: str | None) -> tuple[dict[str, Any], list[Decision]]:
     """Hints of a table's clock where its stamps are Unix time, as those of an IMU's beside it are then told."""
-    names, stated = _layout(path, None)
+    names, stated = _layout(path, given)
     t = tables.column(path, names.index("t")) if "t" in names else None
     unit = None if t is None else tables.unix_unit(t)
     if t is not None and "t" in stated:
@@ -145,9 +150,11 @@ def _dated(section: str, t: FloatArray, unit: str) -> tuple[dict[str, Any], list
     return {"time": "unix"}, [Decision(f"{section}.time", "unix", f"stamps of {t[0]:.6g} {unit} are of this century")]
 
 
-def accuracy_hints(path: Path, section: str, part: str) -> tuple[dict[str, Any], list[Decision]]:
+def accuracy_hints(
+    path: Path, section: str, part: str, given: str | None = None
+) -> tuple[dict[str, Any], list[Decision]]:
     """Accuracy of a table's fixes or speeds where no column states it: rules of thumb, as for NMEA without GST."""
-    names, _ = _layout(path, None)
+    names, _ = _layout(path, given)
     if part == "odometer" and "speed" in names and "sspeed" not in names:
         why = f"no column states an accuracy; {_SPEED_SIGMA:g} m/s is typical of wheels"
         return {"sigma_speed": _SPEED_SIGMA}, [Decision(f"{section}.sigma_speed", _SPEED_SIGMA, why)]

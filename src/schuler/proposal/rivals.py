@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,8 @@ from schuler.recording.io import dispatch, packed
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.series import GnssSeries
 
+_RECEIVER = re.compile(r"gps|gnss", re.IGNORECASE)  # others may be a filter's positions
+_NUMBERED = re.compile(r"\d*(?=\.csv$)")  # at the end of a table's name
 _COMMON_S, _SLACK_M, _RADIUS_M = 10.0, 0.3, 6.371e6
 
 
@@ -48,11 +51,16 @@ def chosen(
     why = ""
     if len(named) == 1:
         best, why = named[0], "its header names columns and units"
+    elif part == "imu" and _are_units_of_one_file(log, [name for _, name, _, _ in rivals]):
+        best, why = min(rivals, key=lambda f: f[1]), "it is the first of several units in one file"
     elif part == "gnss":
         fixes = {f[1]: _fixes(packed.resolved(log / f[1]), f[2]) for f in rivals}
         claims = {name: np.inf if g is None else _claim(g) for name, g in fixes.items()}
         best, second = sorted(rivals, key=lambda f: claims[f[1]])[:2]
-        if claims[best[1]] < 0.5 * claims[second[1]]:
+        receivers = [f for f in rivals if _RECEIVER.search(f[1].rpartition("/")[2])]
+        if len(receivers) == 1:
+            best, why = receivers[0], "it is a receiver's by its name"
+        elif claims[best[1]] < 0.5 * claims[second[1]]:
             why = f"its fixes claim {claims[best[1]]:.2g} m, those of the others {claims[second[1]]:.2g} m and more"
         elif len(rivals) == 2 and _agree(fixes[best[1]], fixes[second[1]], claims[second[1]]):
             why = f"its fixes agree with those of {second[1]} and claim less"
@@ -66,6 +74,11 @@ def chosen(
     ignored += others
     decision = Decision(f"recording.{part}.file", best[1], f"{why}; not read: {', '.join(others)}")
     return dict(best[2]), [decision, *best[3]]
+
+
+def _are_units_of_one_file(log: Path, names: list[str]) -> bool:
+    """Whether tables of a file that holds several are told apart by a number only."""
+    return len({_NUMBERED.sub("", name) for name in names}) == 1 and not any((log / name).exists() for name in names)
 
 
 def _fixes(path: Path, entry: Mapping[str, Any]) -> GnssSeries | None:

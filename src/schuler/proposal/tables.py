@@ -25,9 +25,13 @@ _TIME_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
 _GRAVITY = 0.7  # logarithm of the median norm over gravity's that motion and a poor scale make
 _POOR_SCALE = 0.15
 _FASTEST_S, _SLOWEST_S = 1.0 / 4000.0, 1.0 / 8.0
-_CALLED = {"accel": re.compile(r"acc", re.IGNORECASE), "gyro": re.compile(r"gyr", re.IGNORECASE)}
+_CALLED = {
+    "accel": re.compile(r"^(?!.*(linear|user|gravity)).*acc(?!u)", re.IGNORECASE),
+    "gyro": re.compile(r"gyr|(angular|rotation).?(velocity|rate)", re.IGNORECASE),
+}
 _COUNTS_PER_G = (2048.0, 4096.0, 8192.0, 16384.0)  # of 16 bits over 16, 8, 4 and 2 g
 _UNIT_NORM = 1e-3  # digits of a written quaternion
+_WIDEST, _HIGHEST_M = 20, 9000.0  # columns of a table of fixes, and heights of vehicles
 _UNIX_S = (1e9, 2.1e9)  # the years 2001 to 2036
 
 
@@ -51,7 +55,8 @@ def imu_columns(path: Path) -> tuple[str, str] | None:
     clock = [k for k in range(values.shape[1]) if _is_clock(values[:, k])]
     if not clock and (np.diff(values, axis=0).min(axis=0) >= 0.0).any() and values.shape[1] == 7:
         return None  # a counter of rows
-    idle = _constant_or_attitude(values)
+    attitude = _attitude(values)
+    idle = attitude | set(np.flatnonzero(np.ptp(values, axis=0) == 0.0).tolist())
     others = [k for k in range(values.shape[1]) if k not in clock and k not in idle]
     triads = [(k, k + 1, k + 2) for k in others if k + 1 in others and k + 2 in others]
     calm = {trio: _spread(values[:, trio]) for trio in triads}
@@ -60,7 +65,7 @@ def imu_columns(path: Path) -> tuple[str, str] | None:
         for a, g in itertools.permutations(triads, 2)
         if (_is_gravity(values[:, a]) or (calm[a] < _STEADY and len(others) <= 8))
         and not set(a) & set(g)
-        and _aligned(a, g, others)
+        and _aligned(a, g, others, beside_attitude=bool(attitude))
     ]
     if not pairs or (len(others) > 8 and len({a for a, _ in pairs}) > 1):
         return None  # of three triads only one may be gravity
@@ -85,6 +90,58 @@ def imu_columns(path: Path) -> tuple[str, str] | None:
         f"{100.0 * spread[accel]:.2g} %), columns {gyro[0] + 1} to {gyro[2] + 1} have none"
     )
     return ",".join(names), evidence
+
+
+def fix_columns(path: Path) -> tuple[str, str] | None:
+    """Hint ``columns`` of a table of fixes without a header, and how it was told: clock, latitude, longitude, height.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    columns, evidence : str
+        None if the file is no table, or no three columns or several go on as a path in degrees and metres does.
+    """
+    values = _numbers(path)
+    if (
+        values is None
+        or len(values) < _BLOCK
+        or values.shape[1] > _WIDEST
+        or text_head.open_text(path, ReadHints()).header
+    ):
+        return None
+    places = [k for k in range(values.shape[1] - 2) if _is_path(values[:, k : k + 3])]
+    of_place = [k + axis for k in places for axis in range(3)]  # which may increase as steadily as a clock
+    clock = [k for k in range(values.shape[1]) if k not in of_place and _is_clock(values[:, k])]
+    if len(clock) != 1 or len(places) != 1:
+        return None
+    names = ["-"] * values.shape[1]
+    names[clock[0]] = "t"
+    names[places[0] : places[0] + 3] = ["lat", "lon", "h"]
+    k = places[0] + 1
+    return ",".join(names), f"columns {k} to {k + 2} go on as latitude, longitude and height of a path do"
+
+
+def _is_path(x: FloatArray) -> bool:
+    """Whether three columns are degrees of latitude and longitude with decimals, and metres of height. Shape (n, 3)."""
+    lat, lon, h = x.T
+    if (
+        np.abs(lat).max() > 90.0
+        or np.abs(lon).max() > 180.0
+        or np.abs(h).max() > _HIGHEST_M
+        or np.ptp(h) > 0.3 * _HIGHEST_M
+    ):
+        return False
+    steps, spans = np.abs(np.diff(x[:, :2], axis=0)), np.ptp(x[:, :2], axis=0)
+    return bool(
+        (spans > 0.0).all()
+        and (spans < 5.0).all()
+        and (steps.max(axis=0) < 0.02).all()
+        and (np.abs(x[:, :2] - np.round(x[:, :2], 4)) > 0.0).mean() > 0.5
+        and np.abs(np.diff(h)).mean() > 10.0 * steps.mean()
+    )
 
 
 def clock_column(path: Path, names: Sequence[str]) -> int | None:
@@ -153,11 +210,10 @@ def norm(path: Path, accel: Sequence[int]) -> float:
         Its columns.
     """
     values = _numbers(path, accel)
-    return (
-        float("nan")
-        if values is None or not len(values)
-        else float(np.median(np.linalg.norm(values[:, accel], axis=1)))
-    )
+    if values is None or not len(values):
+        return float("nan")
+    with np.errstate(over="ignore"):  # damaged rows may hold anything
+        return float(np.median(np.linalg.norm(values[:, accel], axis=1)))
 
 
 def accel_unit(size: float) -> str:
@@ -278,13 +334,12 @@ def _is_clock(x: FloatArray) -> bool:
     return bool(near.mean() > 0.9 and not (usual == 1.0 and (step == 1.0).all()))
 
 
-def _constant_or_attitude(values: FloatArray) -> set[int]:
-    """Columns of no IMU: those that never change, and four in a row that are a quaternion of norm one."""
-    idle = set(np.flatnonzero(np.ptp(values, axis=0) == 0.0).tolist())
+def _attitude(values: FloatArray) -> set[int]:
+    """Four columns in a row that are a quaternion of norm one."""
     for k in range(values.shape[1] - 3):
         if np.all(np.abs(np.linalg.norm(values[:, k : k + 4], axis=1) - 1.0) < _UNIT_NORM):
-            idle |= set(range(k, k + 4))
-    return idle
+            return set(range(k, k + 4))
+    return set()
 
 
 def _spread(x: FloatArray, calm: bool = True) -> float:
@@ -311,13 +366,16 @@ def _is_gravity(x: FloatArray) -> bool:
     return bool((np.abs(np.outer(sizes, factors) - 1.0) < _POOR_SCALE).any())
 
 
-def _aligned(accel: tuple[int, ...], gyro: tuple[int, ...], others: list[int]) -> bool:
+def _aligned(accel: tuple[int, ...], gyro: tuple[int, ...], others: list[int], *, beside_attitude: bool) -> bool:
     """Whether the triads fill the columns that are no clock, x, y, z of each in order.
 
-    But for a temperature or two, or a third triad, of magnetometers, with a temperature at the end.
+    But for a temperature or two, or a third triad, of magnetometers, with a temperature at the end; beside a
+    quaternion its angles may come before them.
     """
     first, second = sorted((others.index(accel[0]), others.index(gyro[0])))
     rest = len(others) - 6
+    if beside_attitude and rest in (6, 7):
+        return (first, second) == (3, 6)
     if rest in (3, 4):
         return (first, second) in ((0, 3), (0, 6), (3, 6))
     return (first, second) in ((0, 3), (0, 4), (1, 4)) and rest <= 2

@@ -15,9 +15,10 @@ from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.recording.io import clock, columns, dates, lines, own, own_satellites
 from schuler.recording.io.assemble import CONVERTED, recording_from
+from schuler.recording.io.held_rows import BLANK, new_rows
 from schuler.recording.io.hint_texts import ColumnSpec, factor, parse_columns, parse_units
 from schuler.recording.io.hints import ReadHints
-from schuler.recording.io.raw import COUNTER, Raw
+from schuler.recording.io.raw import Raw
 from schuler.recording.io.text_head import EXAMPLE, Opening, columns_of, is_in_space, open_text
 from schuler.recording.recording import Recording
 
@@ -25,7 +26,6 @@ from schuler.recording.recording import Recording
 OWN_MARK = "# schuler {"
 OWN_FAMILY = "schuler/csv"
 OWN_FORMAT = f"{OWN_FAMILY}/2"
-_BLANK = ("speed", "course", "sspeed", "heading", "q", "ns", *columns.DILUTION)  # a fix may be without
 _NO_HEIGHT = "gnss: no height stands beside the latitudes and longitudes, so that they are no fixes."
 _ONE_CLOCK = "are taken to run on one clock of unknown epoch."
 
@@ -171,38 +171,19 @@ def _rarer(
 ) -> Raw:
     """Rows of a table of an IMU that bring a fix or a speed of wheels.
 
-    Loggers leave the fields empty between two fixes, repeat the last one, or write zeros until the first: fixes are
-    rows whose fields are filled, and others than in the row before. A speed may stay what it is.
+    See :func:`schuler.recording.io.held_rows.new_rows`.
     """
     stated, notes, negated = stated_notes_negated
     fixes = hints.series == "gnss"
-    needed = [k for name, k in zip(names, indices, strict=True) if name != "t" and not (fixes and name in _BLANK)]
-    watched = [k for name, k in zip(names, indices, strict=True) if name != "t"]
-    place = [k for name, k in zip(names, indices, strict=True) if name in ("lat", "lon", "n", "e")]
-    numbers, rows, last = [], [], [""] * len(watched)
-    clock = next((k for name, k in zip(names, indices, strict=True) if name == "t"), None)
-    before, wraps, counted = -np.inf, 0.0, []  # of all rows: a counter may begin again before the first fix
-    for number, fields in opening.table.rows():
-        if clock is not None and len(fields) > clock and lines.is_number(fields[clock]):
-            now = float(fields[clock])
-            wraps += before - now > 0.5 * COUNTER
-            before = now
-        if len(fields) != len(opening.fields) or not all(lines.is_number(fields[k]) for k in needed):
-            continue
-        new = [fields[k] for k in watched]
-        if not fixes or (new != last and not (place and all(float(fields[k]) == 0.0 for k in place))):
-            numbers.append(number)
-            rows.append(fields)
-            counted.append(wraps)
-        last = new
+    numbers, rows, counted = new_rows(opening, names, indices, fixes=fixes)
     if not rows:
         raise FileFormatError(f"no row has a number in {', '.join(names)}", opening.table.path, opening.table.first)
     values = np.array([[float(f[k]) if lines.is_number(f[k]) else -1.0 for k in indices] for f in rows])
     if fixes:
         notes.append(f"{len(rows)} rows bring a new fix; those between repeat the last one or have none.")
     arrays = {name: values[:, k] for k, name in enumerate(names)}
-    if clock is not None:
-        arrays["t"] = arrays["t"] + COUNTER * np.array(counted)
+    if "t" in names:
+        arrays["t"] = arrays["t"] + counted
     raw = Raw(opening.table.path, arrays, stated, numbers.__getitem__, notes=notes, negated=negated)
     if dated is not None:
         _stamp(raw, hints, _stamps_of(opening, dated, rows))
@@ -210,9 +191,12 @@ def _rarer(
 
 
 def _values(opening: Opening, names: list[str], indices: list[int], cut: bool) -> tuple[FloatArray, bool]:
-    """Numbers of the used columns; NaN where a magnetometer, which may be slower than the rest, has empty fields."""
+    """Numbers of the used columns, of which some may be slower than the rest and have empty fields.
+
+    Between its readings a temperature is interpolated, a magnetometer NaN; what a fix may be without is -1.
+    """
     table, n_columns = opening.table, len(opening.fields)
-    slower = [k for k, name in enumerate(names) if name in columns.MAG]
+    slower = [k for k, name in enumerate(names) if name in (*columns.MAG, "temp", *(BLANK if "lat" in names else ()))]
     try:
         return lines.load(table, n_columns, indices, allow_truncated=cut)
     except FileFormatError:
@@ -226,6 +210,14 @@ def _values(opening: Opening, names: list[str], indices: list[int], cut: bool) -
         for k in slower:
             if lines.is_number(fields[indices[k]]):
                 row[k] = float(fields[indices[k]])
+    for k in slower:
+        if names[k] in BLANK:
+            values[~np.isfinite(values[:, k]), k] = -1.0
+    if "temp" in names:
+        temperature = values[:, names.index("temp")]
+        read = np.flatnonzero(np.isfinite(temperature))
+        if len(read):
+            temperature[:] = np.interp(np.arange(len(values)), read, temperature[read])
     return values, truncated
 
 

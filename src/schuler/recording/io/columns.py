@@ -11,7 +11,8 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import cast
 
-from schuler.exceptions import InputError
+from schuler import units
+from schuler.exceptions import InputError, SchulerError
 from schuler.recording.io import header_words
 
 #: Group of columns that share a unit and a scale, to the quantity :func:`schuler.units.factor_for` checks.
@@ -99,7 +100,7 @@ def _spellings() -> dict[str, str]:
 
 
 #: Names of a time where no other column is one.
-_LATE_CLOCKS = ("unix_time", "unixtime", "unix", "datetime", "date_time", "epoch")
+_LATE_CLOCKS = ("unix_time", "unixtime", "unix", "datetime", "date_time", "epoch", "epoc", "x_value")
 _SPELLINGS = _spellings()
 #: What stands before a name in tables of several sensors.
 _PREFIXES = ("imu_", "gps_", "gnss_", "field_")
@@ -118,7 +119,8 @@ _ENDINGS = {
     "knots": "kn", "m": "m", "degc": "degC", "c": "degC", "ut": "uT", "nt": "nT", "gauss": "gauss",
     "mgauss": "mgauss",
 }  # fmt: skip
-_NO_UNITS = re.compile(r"|wgs84|txt|utc|gmt|local|[+-]?\d\d:\d\d")  # what apps write in brackets besides
+_NO_UNITS = re.compile(r"|wgs84|txt|utc|gmt|local|[+-]?\d\d:\d\d|[+-]\d{4}")  # what apps write in brackets besides
+_DEGREES = ("C", "°C", "degC")  # of a T that is a temperature for sure
 _LONGEST = 200  # characters of a name worth looking at
 _HUMP = re.compile(r"([a-z0-9])([A-Z])")
 _BRACKETED = re.compile(r"^(.*?)\s*(?:\[\s*([^\]]*?)\s*\]|\(\s*([^)]*?)\s*\))\s*$")
@@ -187,20 +189,43 @@ def recognise_all(headers: Sequence[str]) -> list[tuple[str, str | None] | None]
     return read
 
 
+def _is_other_letter(column: tuple[str, str | None] | None, header: str) -> bool:
+    """Whether an ``H`` has a unit that is none of height, as that of humidity."""
+    if column is None or column[0] != "h" or column[1] is None or len(_plain(_text_and_unit(header)[0])) > 1:
+        return False
+    try:
+        units.factor_for(column[1], GROUP_QUANTITY["length"])
+    except SchulerError:
+        return True
+    return False
+
+
 def _better(group: Sequence[str], named: dict[int, str], held: Sequence[str | None], texts: Sequence[str]) -> bool:
     """Whether columns named by their words are likelier than those named by spellings that are known."""
     if group == ACCEL:
         return any(header_words.is_g_force(texts[k]) for k in named)
+    if "lat" in group:  # a height beside the receiver's own is a barometer's
+        foreign = {name: header_words.is_foreign(header_words.words_of(texts[k])) for k, name in named.items()}
+        return any(
+            held.count(name) == 1
+            and of_it
+            and not header_words.is_foreign(header_words.words_of(texts[held.index(name)]))
+            for name, of_it in foreign.items()
+        )
     return group == _CLOCK and header_words.is_foreign(header_words.words_of(texts[held.index("t")]))
 
 
 def _recognised(headers: Sequence[str]) -> list[tuple[str, str | None] | None]:
     """Columns that fields of a header name by spellings that are known."""
-    read = [recognise(header) for header in headers]
+    read = [
+        None if _is_other_letter(column, header) else column for header in headers for column in (recognise(header),)
+    ]
     times = [k for k, column in enumerate(read) if column is not None and column[0] == "t"]
     words = {k: headers[k].strip().strip("\"'") for k in times}
     warm = [k for k in times if re.fullmatch(r"T\s*([\[(].*)?", words[k])]
+    warm = [k for k in warm if cast(tuple[str, str | None], read[k])[1] in _DEGREES] or warm
     late = [k for k in times if k not in warm and _plain(_HUMP.sub(r"\1_\2", words[k])) in _LATE_CLOCKS]
+    late = [k for k in late if k > 0 or unit_in(headers[k]) is None]  # the first of a table with a unit is the clock
     sure = len(times) - len(warm) - len(late)
     if len(times) > 1 and sure <= 1 and (sure or late):
         named = any(column is not None and column[0] == "temp" for column in read)
@@ -225,7 +250,7 @@ def _text_and_unit(header: str) -> tuple[str, str | None]:
     """A field of a header without quotes, and the unit in brackets behind it."""
     text = header.strip().strip("\"'")
     match = _BRACKETED.match(text)
-    unit = "" if match is None else match[2] or match[3] or ""
+    unit = "" if match is None else (match[2] or match[3] or "").strip("'\"")
     if match is None or unit.isdigit():
         return text, None
     return match[1], None if _NO_UNITS.fullmatch(unit.lower()) else unit

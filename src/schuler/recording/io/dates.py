@@ -16,6 +16,9 @@ _ISO = re.compile(
     re.IGNORECASE,
 )
 
+#: ``17-May-2024 18:53:02.001`` of MATLAB.
+_NAMED = re.compile(r"(\d\d?)-([A-Za-z]{3})-((?:19[89]|20\d)\d)([T ].*)")
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _CLOCK = re.compile(r"([01]?\d|2[0-3]):([0-5]\d):([0-5]\d)(?:[.,:](\d+))?")
 _DAY = re.compile(r"((?:19[89]|20\d)\d)[-/.](\d\d?)[-/.](\d\d?)|(\d\d?)\.(\d\d?)\.((?:19[89]|20\d)\d)")
 _DAY_S = 86_400.0
@@ -77,7 +80,16 @@ def seconds_of_day(fields: Iterable[str]) -> tuple[FloatArray, int | None]:
 
 def is_date(field: str) -> bool:
     """Whether a field is a date with a clock time, ``2024-05-01T12:00:00.25+02:00`` or with a blank for the T."""
-    return _ISO.fullmatch(field) is not None
+    return _iso(field) is not None
+
+
+def _iso(field: str) -> re.Match[str] | None:
+    """A date as ISO 8601 has it, or with the month in letters, taken apart."""
+    if (match := _ISO.fullmatch(field)) is None and (named := _NAMED.fullmatch(field)):
+        d, name, y, clock = named.groups()
+        month = _MONTHS.index(name.lower()) + 1 if name.lower() in _MONTHS else 0
+        match = _ISO.fullmatch(f"{y}-{month:02d}-{int(d):02d}{clock}")
+    return match
 
 
 def unix_ns(fields: Iterable[str]) -> tuple[IntArray, bool, int | None]:
@@ -99,7 +111,7 @@ def unix_ns(fields: Iterable[str]) -> tuple[IntArray, bool, int | None]:
     """
     days, parts, zoned, bad = [], [], True, None
     for row, field in enumerate(fields):
-        match = _ISO.fullmatch(field)
+        match = _iso(field)
         if match is None:
             bad = row
             break

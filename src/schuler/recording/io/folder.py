@@ -235,9 +235,11 @@ def names_in(path: Path) -> list[str]:
     """
     if path.is_file():
         return list(packed.tables(path))
-    every = sorted(p for p in path.iterdir() if p.is_file() and not p.name.startswith("."))
+    entries = [p for p in sorted(path.iterdir()) if not p.name.startswith(".")]
+    if len(entries) == 1 and entries[0].is_dir() and registry.find_folder(entries[0]) is None:
+        return [f"{entries[0].name}/{name}" for name in names_in(entries[0])]  # a recorder's folder of the one run
     names = []
-    for file in every:
+    for file in filter(Path.is_file, entries):
         try:
             names += [f"{file.name}/{table}" for table in packed.tables(file)] or [file.name]
         except FileFormatError:  # it may be none of the run's

@@ -19,7 +19,7 @@ _SENSORS = {
 }
 _GENERAL = {
     "a": (("specific", "force"), ("g", "force")),
-    "g": (("rotation", "rate"), ("angular", "rate"), ("angle", "rate"), ("angular", "velocity")),
+    "g": (("rotation", "rate"), ("angular", "rate"), ("angle", "rate"), ("angular", "velocity"), ("rate",)),
 }
 _AXES = {"x": 0, "y": 1, "z": 2}
 #: Axes of a vehicle: of its accelerations, and of its rates.
@@ -30,7 +30,7 @@ _VEHICLE = {
 _PLACES = {
     "lat": ("lat", "latitude", "latit"),
     "lon": ("lon", "long", "lng", "longitude"),
-    "h": ("alt", "altitude", "height", "elevation"),
+    "h": ("alt", "altitude", "height", "elevation", "hmsl"),
     "speed": ("speed",),
     "course": ("course", "heading", "bearing", "cog", "track"),
 }
@@ -108,6 +108,8 @@ def _triad(words: Sequence[list[str]], stem: str) -> dict[int, str]:
             families[split[0]].setdefault(split[1], k)
     whole = {family: axes for family, axes in families.items() if len(axes) == 3}
     likely = [axes for family, axes in whole.items() if _is_sensor(family, stem)] or list(whole.values())
+    if len(likely) > 1:  # a logger may write the vehicle's axes, turned from the sensor's, beside them
+        likely = [axes for family, axes in whole.items() if axes in likely and "vehicle" not in family]
     if len(likely) != 1:
         return {}
     return {k: f"{stem}{'xyz'[axis]}" for axis, k in likely[0].items()}
@@ -119,12 +121,12 @@ def _sensor_and_axis(field: list[str], stem: str) -> tuple[tuple[str, ...], int]
     for word, along in _VEHICLE.get(stem, {}).items():
         rest = [other for other in field if other != word]
         if word in field and (("rate" in rest) if stem == "g" else bool(set(_SENSORS[stem]) & set(rest))):
-            return tuple(rest), along
+            return (*rest, "vehicle"), along
     for k in range(len(field) - 1, -1, -1):
         word, rest = field[k], [*field[:k], *field[k + 1 :]]
-        joined = word[-1:] in _AXES and word[:-1] in _SENSORS[stem]
-        if joined:
-            return (*field[:k], word[:-1], *field[k + 1 :]), _AXES[word[-1]]
+        for letter, sensor in ((word[-1:], word[:-1]), (word[:1], word[1:])):  # accx, xacc
+            if letter in _AXES and sensor in _SENSORS[stem]:
+                return (*field[:k], sensor, *field[k + 1 :]), _AXES[letter]
         axis = _AXES.get(word, int(word) if word in ("0", "1", "2") and k == len(field) - 1 else None)
         if axis is None:
             continue
@@ -172,7 +174,8 @@ def _fix(words: Sequence[list[str]]) -> dict[int, str]:
     # a height above the sea, or words of the receiver that only some of its columns have
     for family, more in families.items():
         if _RECEIVER & family and family - {"msl", "amsl", "sea", "level"} <= likely[0] | _RECEIVER:
-            receiver = more | receiver
+            of_it = {name: k for name, k in more.items() if name not in ("lat", "lon")}
+            receiver = more | receiver if _RECEIVER & likely[0] else receiver | of_it
     return {k: name for name, k in receiver.items()}
 
 

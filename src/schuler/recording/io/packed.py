@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any, TextIO, TypeAlias
 
 from schuler.exceptions import FileFormatError, SchulerError
-from schuler.recording.io import columns, lines
+from schuler.recording.io import columns, line_forms, lines
 
 Row: TypeAlias = dict[str, str]
 _LOOKED_AT = 200  # lines by which a file is recognised
@@ -36,14 +36,10 @@ _MOST_KINDS, _LONGEST_NAME = 40, 60
 _LEAST_ROWS = 20  # of lists in a document that are a log's, and no matrix
 _LARGEST_LIST = 1 << 30  # of a JSON list, which is read as a whole [bytes]
 _KIND_KEYS = ("sensor", "class", "type", "kind", "topic", "msg", "message", "name", "event")
-_COMMENTS = ("#", "%", "//")
 _LABELLED = re.compile(r"([A-Za-z_][\w.]*)\s*[:=]\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)")
 _NMEA = re.compile(r"\$G[A-Z](GGA|RMC),[ -~]*\*[0-9A-Fa-f]{2}")
-_SENTENCES = "sentences"  # table of NMEA as it stands
 _NAMELESS = ("", "1")  # first columns of tables without names
-_PREFIX = re.compile(r"[EWIDV] \((\d+)\) [\w-]+: ")  # of ESP-IDF: level, milliseconds since the start, who says it
 _BETWEEN = re.compile(r"[\s,;|]*")
-_WORD = re.compile(r"[A-Za-z_]\w*")
 _BINARY = (".parquet", ".mat", ".npy", ".npz", ".zip", ".gz", ".bag", ".db3", ".mcap", ".bin", ".ubx", ".sbf")
 _RECEIVER = re.compile(r"gnss|gps|location|(^|_)fix", re.IGNORECASE)  # not position, which may be local
 _SUFFIX = ".csv"
@@ -71,33 +67,42 @@ def kind_of(path: Path) -> str | None:
     except SchulerError:
         return None
     text = head.decode(encoding, errors="replace")
-    if registry.find(head, path) is None and _is_beside_nmea(text, cut=len(head) < path.stat().st_size):
-        return "beside-nmea"
-    if registry.find(head, path) is not None or kinds_of(path, head):
+    cut = len(head) < path.stat().st_size
+    if registry.find(head, path) is not None:
         return None
+    if _is_beside_nmea(text, cut=cut):
+        return "beside-nmea"
+    if received := kinds_of(path, head):
+        return "free" if received == ("gnss",) and line_forms.is_free(text.splitlines()) else None
     if text.lstrip("\ufeff \r\n\t[").startswith("{"):
-        return _json_kind(text, cut=len(head) < path.stat().st_size)
+        return _json_kind(text, cut=cut)
     if "[column names]" in text and "[data]" in text:
         return "vbox"
-    rows = [row for row in text.splitlines()[: _LOOKED_AT + 1] if row.strip() and not row.startswith(_COMMENTS)]
-    rows = rows[:-1] if len(head) < path.stat().st_size or len(rows) > _LOOKED_AT else rows
+    rows = [
+        row for row in text.splitlines()[: _LOOKED_AT + 1] if row.strip() and not row.startswith(line_forms.COMMENTS)
+    ]
+    rows = rows[:-1] if cut or len(rows) > _LOOKED_AT else rows
     rows = rows[1:] if rows and not _is_of_form(rows[0]) else rows  # a banner of a terminal
     if len(rows) < 3:
         return None
     if sum(map(_is_labelled, rows)) > _NEARLY_ALL * len(rows):
         return "labels"
-    delimiter = _delimiter(rows[-1])
-    fields = [_fields(row, delimiter) for row in rows]
+    if line_forms.are_named(rows):
+        return "named"
+    delimiter = line_forms.delimiter_of(rows[-1])
+    fields = [line_forms.fields_of(row, delimiter) for row in rows]
     if _are_kinds([row[0] for row in fields]) and all(len(row) > 3 for row in fields):
         return None if _names_series(fields[0]) else "words"
-    return None if _kind_column(text.splitlines(), delimiter) is None else "column"
+    if _kind_column(text.splitlines(), delimiter) is not None:
+        return "column"
+    return line_forms.form_of(rows, path)
 
 
 def _is_beside_nmea(text: str, *, cut: bool) -> bool:
     """Whether lines are NMEA or rows of as many numbers each, with a word before them or none."""
     rows = text.splitlines()
     rows = [row.strip() for row in (rows[1:-1] if cut else rows[1:]) if row.strip()]  # a log may begin within a line
-    others = [_fields(row, _delimiter(row)) for row in rows if not row.startswith("$")]
+    others = [line_forms.fields_of(row, line_forms.delimiter_of(row)) for row in rows if not row.startswith("$")]
     if not others or len(others) == len(rows) or len(others) < 0.3 * len(rows):
         return False
     width = Counter(map(len, others)).most_common(1)[0][0]
@@ -107,19 +112,22 @@ def _is_beside_nmea(text: str, *, cut: bool) -> bool:
 
 def _beside_nmea(path: Path) -> Iterator[tuple[str, Row]]:
     """Sentences as they are, and rows of numbers without names."""
-    for text in _text(path):
-        fields = _fields(text, _delimiter(text))
-        first = [] if _WORD.fullmatch(fields[0]) else fields[:1]
+    for text in line_forms.text_of(path):
+        fields = line_forms.fields_of(text, line_forms.delimiter_of(text))
+        first = [] if line_forms.WORD.fullmatch(fields[0]) else fields[:1]
         numbers = [*first, *fields[1:]]
         if text.startswith("$"):
-            yield _SENTENCES, {"": text}
+            yield line_forms.SENTENCES, {"": text}
         else:
             is_row = len(numbers) > 5 and all(map(lines.is_number, numbers))
             yield f"{len(numbers)} columns", {str(k): x for k, x in enumerate(numbers, 1)} if is_row else {}
 
 
 def _is_of_form(row: str) -> bool:
-    return _is_labelled(row) or _WORD.fullmatch(_fields(row, _delimiter(row))[0]) is not None
+    return (
+        _is_labelled(row)
+        or line_forms.WORD.fullmatch(line_forms.fields_of(row, line_forms.delimiter_of(row))[0]) is not None
+    )
 
 
 def _json_kind(text: str, *, cut: bool) -> str | None:
@@ -178,7 +186,7 @@ def _unpacked(path: Path, stamp: tuple[int, int]) -> tuple[tuple[str, ...], Path
                 if keys[table][0] not in _NAMELESS:
                     csv.writer(file, lineterminator="\n").writerow(_places(table, keys[table], row))
             values = [row[key] for key in keys[table]]
-            if table == _SENTENCES:
+            if table == line_forms.SENTENCES:
                 files[table].write(f"{values[0]}\n")
             else:
                 csv.writer(files[table], lineterminator="\n").writerow(values)
@@ -255,15 +263,8 @@ def _places(name: str, keys: list[str], row: Row) -> list[str]:
     return [{"x": "lat", "y": "lon", "z": "alt"}.get(key, key) for key in keys]
 
 
-def _text(path: Path) -> Iterator[str]:
-    with path.open(encoding=lines.encoding_of(lines.check_file(path), path), errors="replace") as stream:
-        for row in stream:
-            if (text := row.strip()) and not text.startswith(_COMMENTS):
-                yield text
-
-
 def _json_rows(path: Path) -> Iterator[tuple[str, Row]]:
-    for text in _text(path):
+    for text in line_forms.text_of(path):
         try:
             value = json.loads(text)
         except (ValueError, RecursionError):
@@ -324,33 +325,25 @@ def _is_labelled(row: str) -> bool:
     pairs = list(_LABELLED.finditer(row))
     if len(pairs) < 4:
         return False
-    start = prefix.end() if (prefix := _PREFIX.match(row)) else 0
+    start = prefix.end() if (prefix := line_forms.PREFIX.match(row)) else 0
     ends = [start, *(match.end() for match in pairs)]
     between = [row[a : match.start()] for a, match in zip(ends, pairs, strict=False)]
     return all(map(_BETWEEN.fullmatch, (*between, row[ends[-1] :])))
 
 
 def _labels(path: Path) -> Iterator[tuple[str, Row]]:
-    for text in _text(path):
+    for text in line_forms.text_of(path):
         row = dict(_LABELLED.findall(text)) if _is_labelled(text) else {}
-        if row and (prefix := _PREFIX.match(text)):
+        if row and (prefix := line_forms.PREFIX.match(text)):
             row = {"millis": prefix[1]} | row
         yield "", row
-
-
-def _delimiter(row: str) -> str:
-    return next((character for character in ";\t," if character in row), " ")
-
-
-def _fields(row: str, delimiter: str) -> list[str]:
-    return row.split() if delimiter == " " else [field.strip() for field in row.split(delimiter)]
 
 
 def _are_kinds(words: list[str]) -> bool:
     """Whether words are names of a few kinds, each of which comes again."""
     kinds = Counter(words)
     return (
-        all(map(_WORD.fullmatch, kinds)) and 1 < len(kinds) <= _MOST_KINDS and len(kinds) < 0.3 * len(words)
+        all(map(line_forms.WORD.fullmatch, kinds)) and 1 < len(kinds) <= _MOST_KINDS and len(kinds) < 0.3 * len(words)
         and not any(lines.is_value(word) for word in kinds)
     )  # fmt: skip
 
@@ -358,11 +351,11 @@ def _are_kinds(words: list[str]) -> bool:
 def _words(path: Path) -> Iterator[tuple[str, Row]]:
     headers = _commented_headers(path)
     delimiter = ""
-    for text in _text(path):
-        delimiter = delimiter or _delimiter(text)
-        kind, *fields = _fields(text, delimiter)
+    for text in line_forms.text_of(path):
+        delimiter = delimiter or line_forms.delimiter_of(text)
+        kind, *fields = line_forms.fields_of(text, delimiter)
         names = headers.get((kind, len(fields))) or _guessed(kind, fields)
-        yield kind, dict(zip(names, fields, strict=True)) if _WORD.fullmatch(kind) else {}
+        yield kind, dict(zip(names, fields, strict=True)) if line_forms.WORD.fullmatch(kind) else {}
 
 
 def _guessed(kind: str, fields: list[str]) -> list[str]:
@@ -376,8 +369,8 @@ def _commented_headers(path: Path) -> dict[tuple[str, int], list[str]]:
     headers = {}
     for row in lines.check_file(path).decode("latin-1").splitlines():
         text = row.lstrip("#%/ ").strip()
-        kind, *names = _fields(text, _delimiter(text)) or [""]
-        if row.startswith(_COMMENTS) and len(names) > 3 and _WORD.fullmatch(kind):
+        kind, *names = line_forms.fields_of(text, line_forms.delimiter_of(text)) or [""]
+        if row.startswith(line_forms.COMMENTS) and len(names) > 3 and line_forms.WORD.fullmatch(kind):
             times = [k for k, name in enumerate(names) if "time" in name.lower()]
             for k in times[1:]:
                 names[k] = f"other_{k}"
@@ -403,7 +396,9 @@ def _names_series(head: list[str]) -> bool:
 
 def _kind_column(rows: Sequence[str], delimiter: str) -> int | None:
     """The column of a table with a header that names the kind of each row; None if there is none."""
-    table = [_fields(row, delimiter) for row in rows if row.strip() and not row.startswith(_COMMENTS)][:_LOOKED_AT]
+    table = [
+        line_forms.fields_of(row, delimiter) for row in rows if row.strip() and not row.startswith(line_forms.COMMENTS)
+    ][:_LOOKED_AT]
     if len(table) < 10 or delimiter == " " or any(map(lines.is_value, table[0])):
         return None
     body = [row for row in table[1:] if len(row) == len(table[0])]
@@ -427,16 +422,16 @@ def _is_kind_key(name: str) -> bool:
 
 
 def _column(path: Path) -> Iterator[tuple[str, Row]]:
-    rows = _text(path)
+    rows = line_forms.text_of(path)
     first = next(rows)
-    delimiter = _delimiter(first)
-    head = [_axis_of_value(name.strip("\"'")) for name in _fields(first, delimiter)]
+    delimiter = line_forms.delimiter_of(first)
+    head = [_axis_of_value(name.strip("\"'")) for name in line_forms.fields_of(first, delimiter)]
     at = _kind_column(lines.check_file(path).decode("latin-1").splitlines(), delimiter)
     assert at is not None
     values = [name for name in head if name in ("value0", "value1", "value2", "value3")][:3]
     head = ["xyz"[values.index(name)] if name in values else name for name in head]
     for text in rows:
-        fields = _fields(text, delimiter)
+        fields = line_forms.fields_of(text, delimiter)
         if len(fields) != len(head):
             yield "", {}
             continue
@@ -455,7 +450,7 @@ _VBOX = {
 def _vbox(path: Path) -> Iterator[tuple[str, Row]]:
     """Rows of a VBOX file with the date of its first line (day before month) and times of day, UTC."""
     section, names, day = "", [], ""
-    for text in _text(path):
+    for text in line_forms.text_of(path):
         if created := re.match(r"File created on (\d\d)/(\d\d)/(\d{4})", text):
             day = f"{created[3]}-{created[2]}-{created[1]}T"
         if text.startswith("["):
@@ -480,4 +475,6 @@ def _vbox_row(names: list[str], fields: list[str], day: str) -> Row:
 _ROWS: dict[str, Callable[[Path], Iterator[tuple[str, Row]]]] = {
     "json": _json_rows, "json-list": _json_list, "json-columns": _json_columns, "labels": _labels, "words": _words,
     "column": _column, "beside-nmea": _beside_nmea, "vbox": _vbox,
+    "named": line_forms.named_rows, "pairs": line_forms.paired_rows, "gaps": line_forms.rows_with_gaps,
+    "free": line_forms.free_rows,
 }  # fmt: skip

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -41,14 +42,17 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
     FileFormatError
         If the file is missing, empty, not text, or has no rows of numbers.
     """
-    encoding = lines.encoding_of(lines.check_file(path), path)
+    head = lines.check_file(path)
+    encoding = lines.encoding_of(head, path)
+    above_names, units = _settings_of_labview(head)
+    skip = hints.skip or above_names
     starts = (hints.comment,) if hints.comment else _COMMENTS
     comments: list[tuple[int, str]] = []
     first: int | None = None
     header: tuple[int, str] | None = None  # the last line of words above the numbers: those before it are a banner
-    units: list[str] = []
+    sources: list[str] = []  # of each column, which a logger may name below the units
     with path.open(encoding=encoding, errors="replace", newline=None) as stream:
-        for number, line in enumerate(itertools.islice(stream, hints.skip, None), hints.skip + 1):
+        for number, line in enumerate(itertools.islice(stream, skip, None), skip + 1):
             text = lines.decode(line.strip())
             if not text:
                 continue
@@ -56,6 +60,8 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
                 comments.append((number, text))
                 continue
             delimiter = hints.delimiter or _guess_delimiter(text)
+            if delimiter == "\t" and line.rstrip("\r\n").endswith("\t"):
+                text += "\t"  # the last field is empty, in all lines
             mark = hints.comment or next((s for s in _COMMENTS for _, c in comments if c.startswith(s)), "#")
             table = TextTable(path, number, delimiter, mark, encoding)
             fields = table.split(line)
@@ -72,6 +78,8 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
             if numeric:
                 table = replace(table, first=first or number)
                 names = _header(table, header, fields) if header else _commented_header(table, comments, fields)
+                if sources and names:
+                    names = names[0], _told_apart(names[1], sources)
                 if units and names:
                     names = names[0], [_with_unit(*pair) for pair in zip(names[1], units, strict=True)]
                 if table.decimal == "." and _has_decimal_commas(table, line, stream):
@@ -79,7 +87,7 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
                 return Opening(table, tuple(comments), names, fields)
             whole = replace(table, comment="\n").split(line) if above else []  # a unit may be a #
             if above and len(whole) == len(above) and (units or _are_units(whole)):
-                units = units or whole  # below them a logger may name the source of each column
+                units, sources = units or whole, whole if units else sources
                 continue
             if header is not None and (number > _BANNER or above):
                 raise FileFormatError(
@@ -94,6 +102,15 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
             f"there is a header ({lines.shorten(header[1])}) but no row of numbers below it", path, header[0]
         )
     raise FileFormatError("there are no rows of numbers" + (f" after skip={hints.skip}" if hints.skip else ""), path)
+
+
+def _settings_of_labview(head: bytes) -> tuple[int, list[str]]:
+    """Lines above the names of a LabVIEW measurement (.lvm), some of them numbers behind a word, and units in them."""
+    above, mark, _ = head.rpartition(b"***End_of_Header***")
+    if not mark or not head.startswith(b"LabVIEW"):
+        return 0, []
+    units = re.findall(rb"^Y_Unit_Label[\t,](.*?)[\t,\r]*$", above, re.MULTILINE)
+    return above.count(b"\n") + 1, ["s", *re.split("[\t,]", units[-1].decode("latin-1"))] if units else []
 
 
 def _names_columns(fields: list[str]) -> bool:
@@ -113,8 +130,9 @@ def _is_entry(field: str) -> bool:
 
 
 def _are_units(fields: list[str]) -> bool:
-    """Whether a line below a header states units: most of its fields are some."""
-    return 2 * sum(map(_is_unit, fields)) > len(fields)
+    """Whether a line below a header states units: most of its fields are some, but for those without any."""
+    stated = [field for field in fields if field.strip("\"'[]() ").lower() not in ("", "na", "n/a", "-", "none")]
+    return 2 * sum(map(_is_unit, fields)) > len(stated)
 
 
 def _is_unit(field: str) -> bool:
@@ -127,7 +145,17 @@ def _is_unit(field: str) -> bool:
 
 def _with_unit(name: str, unit: str) -> str:
     """A column's name with the unit below it, if it is one."""
-    return f"{name} [{unit}]" if _is_unit(unit) else name
+    bare = unit[1:-1] if unit.startswith("(") and unit.endswith(")") else unit
+    return f"{name} [{bare}]" if _is_unit(unit) else name
+
+
+def _told_apart(names: list[str], sources: Sequence[str]) -> list[str]:
+    """Names of columns that come again with their sources before them, but those of the latitude's."""
+    receiver = next((s for name, s in zip(names, sources, strict=True) if name.lower().startswith("lat")), None)
+    return [
+        f"{source} {name}" if names.count(name) > 1 and source != receiver else name
+        for name, source in zip(names, sources, strict=True)
+    ]
 
 
 def _has_points(fields: Iterable[str]) -> bool:
@@ -164,7 +192,15 @@ def columns_of(opening: Opening) -> list[tuple[str, str | None] | None]:
         stamps = stamps or [k for k, field in enumerate(opening.fields) if dates.is_clock(field)]
         if len(stamps) == 1 and read[stamps[0]] is None:
             read[stamps[0]] = ("t", None)
-    return read
+    return _first_clock(read, opening)
+
+
+def _first_clock(read: list[tuple[str, str | None] | None], opening: Opening) -> list[tuple[str, str | None] | None]:
+    """Columns with one clock, where the first of all is one for sure: a date, or of a stated unit."""
+    first = read[0] if read else None
+    if first is None or first[0] != "t" or (first[1] is None and not dates.is_date(opening.fields[0])):
+        return read
+    return [None if k and column is not None and column[0] == "t" else column for k, column in enumerate(read)]
 
 
 def is_in_space(opening: Opening) -> bool:
@@ -178,6 +214,8 @@ def is_in_space(opening: Opening) -> bool:
 def _header(table: TextTable, header: tuple[int, str], fields: list[str]) -> tuple[int, list[str]]:
     """Names of a header's columns, of which one may have the mark of comments in it, such as ``Tick#``."""
     names, whole = table.split(header[1]), replace(table, comment="\n").split(header[1])
+    if len(names) == len(fields) + 1 and names[-1] == "Comment":  # of LabVIEW, which few rows have
+        names = names[:-1]
     return header[0], whole if len(names) != len(fields) == len(whole) else names
 
 

@@ -1,0 +1,278 @@
+"""Forms of lines that are no table as they stand: numbers between words, a name before each number, rows with gaps.
+
+- ``18:53:02.106 -> a/g: 64 428 15848 -18 -32 -40``: words that stay and numbers that change, as terminals show them;
+  a date, a time of day or milliseconds may stand before them. Sentences of NMEA among them are taken as they are.
+- ``raw_imu,time_usec,412337000,xacc,4,yacc,-26``: a name before each number.
+- ``FMT`` and ``$COL``, lines that name the columns of each kind of line (ArduPilot's text, FlySight).
+- rows of a table in which an accelerometer, a gyroscope or a receiver have their fields, and the others none.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TypeAlias
+
+from schuler.exceptions import SchulerError
+from schuler.recording.io import columns, lines, text_head
+from schuler.recording.io.hints import ReadHints
+from schuler.units import parse_unit
+
+Row: TypeAlias = dict[str, str]
+COMMENTS = ("#", "%", "//")
+SENTENCES = "sentences"  # table of NMEA as it stands
+PREFIX = re.compile(r"[EWIDV] \((\d+)\) [\w-]+: ")  # of ESP-IDF: level, milliseconds since the start, who says it
+WORD = re.compile(r"[A-Za-z_]\w*")
+_SENTENCE = re.compile(r"\$[A-Z]{5},[ -~]*\*[0-9A-Fa-f]{2}\s*$")
+_STAMP = re.compile(
+    r"\[?(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?Z?|\d\d?:\d\d:\d\d[.,:]\d+)\]?(?:\s*->|\s*[-:,;])?\s+"
+)
+_LEVEL = re.compile(r"(?:(?:DEBUG|INFO|WARNING|ERROR|root)\s*[-:,;]?\s*)+")  # of a program's log
+_NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_LABEL = re.compile(r"(?<!\w)[A-Za-z/]\w*\]?\s*[:=]\s*[(\[]?\s*[-+.\d]")
+_UNIT = re.compile(r"\s?([a-zA-Z°/^0-9]+)")
+_TICKS = {"TimeUS": "time [us]", "TimeMS": "time [ms]"}
+_NAMING = re.compile(r"FMT, *\d+|\$COL,")
+_MARKS = " \t,;|:=()[]{}<>-"
+_LOOKED_AT = 200
+_FEWEST, _SHARE = 10, 0.3  # rows of a form, and their share of all, by which it is recognised
+_PAIRED = 0.9  # share of lines with a name before each number
+_MISSING = ("", "nan", "null", "none", "na", "n/a", "-")
+_RECEIVER = re.compile(r"gps|gnss|loc|pos|lat", re.IGNORECASE)
+
+
+def text_of(path: Path) -> Iterator[str]:
+    """Lines of a file that are neither empty nor comments."""
+    with path.open(encoding=lines.encoding_of(lines.check_file(path), path), errors="replace") as stream:
+        for row in stream:
+            if (text := row.strip()) and not text.startswith(COMMENTS):
+                yield text
+
+
+def delimiter_of(row: str) -> str:
+    """What parts the fields of a line."""
+    return next((character for character in ";\t," if character in row), " ")
+
+
+def fields_of(row: str, delimiter: str) -> list[str]:
+    """Fields of a line without the blanks around them."""
+    return row.split() if delimiter == " " else [field.strip() for field in row.split(delimiter)]
+
+
+def form_of(rows: Sequence[str], path: Path) -> str | None:
+    """Which of the forms the first lines of a file have.
+
+    Parameters
+    ----------
+    rows : sequence of str
+    path : Path
+
+    Returns
+    -------
+    {"pairs", "gaps", "free"} or None
+    """
+    rows = rows[:_LOOKED_AT]
+    if sum(len(_pairs(row)[1]) > 3 for row in rows) > _PAIRED * len(rows):
+        return "pairs"
+    if _has_gaps(rows, path):
+        return "gaps"
+    return "free" if is_free(rows) and not _groups(path)[1] else None  # words may stand in a table's column
+
+
+def is_free(rows: Sequence[str]) -> bool:
+    """Whether most lines are a few sets of words with numbers between them.
+
+    Parameters
+    ----------
+    rows : sequence of str
+    """
+    forms = Counter(form for row in rows if _LABEL.search(_rest(row)[1]) and (form := _NUMBER.sub("#", _rest(row)[1])))
+    return any(n >= _FEWEST and n > _SHARE * len(rows) and form.count("#") > 2 for form, n in forms.items())
+
+
+def are_named(rows: Sequence[str]) -> bool:
+    """Whether lines name the columns of other lines.
+
+    Parameters
+    ----------
+    rows : sequence of str
+    """
+    return any(map(_NAMING.match, rows))
+
+
+def _pairs(row: str) -> tuple[str, Row]:
+    """The last lone word of a line before the first of its names with a number behind each, and these."""
+    kind, numbers, k = "", {}, 0
+    fields = fields_of(row, delimiter_of(row))
+    if fields and _STAMP.match(fields[0] + " "):
+        numbers["time"] = fields[0]
+        k = 1
+    while k < len(fields):
+        if not WORD.fullmatch(fields[k]):
+            k += 1
+        elif k + 1 < len(fields) and lines.is_number(fields[k + 1]):
+            numbers[fields[k]] = fields[k + 1]
+            k += 2
+        else:
+            kind, k = fields[k] if len(fields[k]) > 3 else kind, k + 1
+    if any("time" in name and name != "time" for name in numbers):
+        numbers.pop("time", None)  # when it arrived; the device's own is better
+    return kind, numbers
+
+
+def paired_rows(path: Path) -> Iterator[tuple[str, Row]]:
+    """Rows by the kind that each line names.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    for text in text_of(path):
+        yield _pairs(text)
+
+
+def named_rows(path: Path) -> Iterator[tuple[str, Row]]:
+    """Rows by their kind, and by the number of the unit where there are several, with the columns that lines name.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    names: dict[str, list[str]] = {}
+    units: dict[str, list[str]] = {}
+    for text in text_of(path):
+        fields = fields_of(text, ",")
+        if fields[0] == "FMT" and len(fields) > 6:
+            names[fields[3]] = [_TICKS.get(name, name) for name in fields[5:]]
+        elif fields[0] in ("$COL", "$UNIT") and len(fields) > 3:
+            (names if fields[0] == "$COL" else units)[f"${fields[1]}"] = fields[2:]
+        elif len(fields) == len(columns_of := names.get(fields[0], [])) + 1:
+            row = dict(zip(columns_of, fields[1:], strict=True))
+            stated = units.get(fields[0], [""] * len(row))
+            row = {f"{k} [{u}]" if u and _is_unit(u) else k: x for (k, x), u in zip(row.items(), stated, strict=False)}
+            yield f"{fields[0]}{row.get('I', '0').strip('0')}", row
+
+
+def _has_gaps(rows: Sequence[str], path: Path) -> bool:
+    """Whether a table's rows are one sensor's each: its own fields filled, another's empty."""
+    opening, groups = _groups(path)
+    if opening is None or len(groups) < 2:
+        return False
+    patterns = Counter(
+        tuple(_are_filled(fields, group) for group in groups)
+        for row in rows
+        if len(fields := opening.table.split(row)) == len(opening.fields)
+    )
+    alone = [pattern for pattern, n in patterns.items() if any(pattern) and not all(pattern) and n > 1]
+    return not all(pattern[0] for pattern in alone)
+
+
+def _groups(path: Path) -> tuple[text_head.Opening | None, list[list[int]]]:
+    """Head of a table, and places of each sensor's columns, of the quickest first."""
+    try:
+        opening = text_head.open_text(path, ReadHints())
+    except SchulerError:
+        return None, []
+    names = [column and column[0] for column in text_head.columns_of(opening)]
+    if len(names) != len(opening.fields):
+        return None, []
+    triads = [
+        [names.index(name) for name in triad] for triad in (columns.ACCEL, columns.GYRO) if set(triad) <= set(names)
+    ]
+    place = [[names.index("lat"), names.index("lon")]] if {"lat", "lon"} <= set(names) else []
+    return opening, triads + place
+
+
+def _are_filled(fields: Sequence[str], group: Sequence[int]) -> bool:
+    return all(fields[k].lower() not in _MISSING for k in group)
+
+
+def rows_with_gaps(path: Path) -> Iterator[tuple[str, Row]]:
+    """Fields of each row that are filled, by the names of the header.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    opening, groups = _groups(path)
+    assert opening is not None
+    assert opening.header is not None
+    names = list(opening.header[1])
+    for k, name in enumerate(names):
+        if names.count(name) > 1:
+            names[k] = f"{name}.{k}"
+    times = [k for k, column in enumerate(text_head.columns_of(opening)) if column is not None and column[0] == "t"]
+    for _, fields in opening.table.rows():
+        if len(fields) != len(names):
+            yield "", {}
+            continue
+        kept = {k for k, field in enumerate(fields) if field.lower() not in _MISSING}
+        whole = {k for group in groups if _are_filled(fields, group) for k in group}
+        yield ("", {names[k]: fields[k] for k in sorted(kept)}) if whole and set(times) <= kept else ("", {})
+
+
+def _rest(row: str) -> tuple[Row, str]:
+    """Stamp before a line, and the line without it."""
+    if prefix := PREFIX.match(row):
+        return {"millis": prefix[1]}, row[prefix.end() :]
+    stamp = _STAMP.match(row)
+    rest = row[stamp.end() :] if stamp else row
+    level = _LEVEL.match(rest)
+    return ({"time": stamp[1].replace(",", ".")} if stamp else {}), rest[level.end() :] if level else rest
+
+
+def free_rows(path: Path) -> Iterator[tuple[str, Row]]:
+    """Numbers by the words before them; sentences of NMEA as they are.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    for text in text_of(path):
+        if sentence := _SENTENCE.search(text):
+            yield SENTENCES, {"": sentence[0].strip()}
+            continue
+        row, rest = _rest(text)
+        numbers = _labelled(rest)
+        yield _NUMBER.sub("", rest).strip() if numbers else "", row | numbers
+
+
+def _labelled(text: str) -> Row:
+    """Numbers of a line: three of one label are its axes, two of a place latitude and longitude, six two sensors'."""
+    values: dict[str, list[str]] = {}
+    label, at = "", 0
+    for number in _NUMBER.finditer(text):
+        between = text[at : number.start()].strip(_MARKS)
+        if re.search(r"[A-Za-z]", between):
+            label = re.split(r"[\s,;|]+", between)[-1].strip(_MARKS)
+        unit = _UNIT.match(text, number.end())
+        at = unit.end() if unit and _is_unit(unit[1]) else number.end()
+        values.setdefault(f"{label} [{unit[1]}]" if unit and at > number.end() else label, []).append(number[0])
+    row: Row = {}
+    for name, numbers in values.items():
+        row.update(zip(_names(name, len(numbers)), numbers, strict=True))
+    return row
+
+
+def _names(label: str, count: int) -> list[str]:
+    stem, bracket, unit = label.partition(" [")
+    sensors = stem.split("/")
+    if count == 1:
+        return [label]
+    if count == 2 and _RECEIVER.search(stem):
+        return ["lat", "lon"]
+    if count == 3:
+        return ["lat", "lon", "alt"] if _RECEIVER.search(stem) else [f"{stem}_{x}{bracket}{unit}" for x in "xyz"]
+    if count == 3 * len(sensors):
+        return [f"{sensor}_{axis}" for sensor in sensors for axis in "xyz"]
+    return [f"{stem}_{k}" for k in range(1, count + 1)]
+
+
+def _is_unit(word: str) -> bool:
+    try:
+        parse_unit(word)
+    except SchulerError:
+        return False
+    return True

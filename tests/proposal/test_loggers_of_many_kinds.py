@@ -1,0 +1,171 @@
+"""Folders as loggers leave them: clocks of a zone, tables without names, a folder of the one run, heights of air."""
+
+import functools
+import operator
+
+import numpy as np
+import pytest
+
+from schuler.diagnosis import diagnose
+from schuler.proposal.files import files_of
+from schuler.recording.io import dates, read, text_head
+from schuler.recording.io.hints import ReadHints
+from schuler.units import DEG, parse_unit
+
+N = 1200
+T = np.arange(N) / 50.0
+RNG = np.random.default_rng(5)
+ACCEL = np.round(RNG.normal([0.1, -0.2, 9.8], 0.05, (N, 3)), 4)
+GYRO = np.round(np.sin(T / 3.0)[:, None] * [0.02, 0.03, 0.4] + RNG.normal(0.0, 1e-3, (N, 3)), 5)
+
+
+def written(path, rows):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def joined(*columns):
+    return [",".join(map(str, row)) for row in zip(*columns, strict=True)]
+
+
+def test_a_table_without_names_is_an_imu_beside_attitude_and_fixes_are_told_by_their_path(tmp_path):
+    stamps = [1715964782000564530 + round(1e9 * t) for t in T]
+    half = 0.5 * np.cumsum(GYRO[:, 2]) / 50.0
+    attitude = [np.zeros(N), np.zeros(N), np.round(np.sin(half), 10), np.round(np.cos(half), 10)]
+    angles = [np.round(x, 9) for x in (0.01 * np.sin(T), 0.02 * np.cos(T), 2.0 * half)]
+    written(tmp_path / "imu.csv", joined(stamps, *attitude, *angles, *GYRO.T, *ACCEL.T, *RNG.normal(0, 0.5, (3, N))))
+    k = np.arange(100)
+    place = 48.7 + 1e-5 * k + 1e-6 * np.sin(k), 9.1 - 2e-5 * k, np.round(300.0 + np.sin(k), 3)
+    written(tmp_path / "gps.csv", joined([1715964782000564530 + 10**9 * i for i in k], *place, *[[1.5] * 100] * 3))
+    files = files_of([tmp_path], {})
+    assert files.entries["imu"]["columns"] == "t,-,-,-,-,-,-,-,gx,gy,gz,ax,ay,az,-,-,-"
+    assert files.entries["gnss"]["columns"] == "t,lat,lon,h,-,-,-"
+    recording = read(files.log, **files.entries)
+    np.testing.assert_array_equal(recording.need_imu().accel, ACCEL)
+    np.testing.assert_allclose(recording.need_gnss().llh[:, 0], place[0] * DEG, atol=1e-15)  # rounding
+
+
+def test_a_time_zone_between_two_clocks_is_taken_out_as_whole_hours(tmp_path):
+    from diagnosis_drives import drive
+
+    log = drive(duration=120.0, rate=50.0, seed=3, noise=(0.02, 0.002))
+    shifted = log.need_imu()
+    late = type(log)(
+        imu=type(shifted)(shifted.t + 7200.0, shifted.gyro, shifted.accel), gnss=log.gnss, metadata=log.metadata
+    )
+    finding = next(f for f in diagnose(late, quick=True).findings if f.code == "no_overlap")
+    assert finding.fix.startswith("offset=-7200.000 ")
+
+
+def test_a_folder_that_holds_only_the_folder_of_a_run_is_that_run(tmp_path):
+    body = "GPGGA,1000{:02d}.00,4842.00{:02d},N,00906.0000,E,1,10,0.9,300.0,M,47.0,M,,"
+    day = "GPZDA,1000{:02d}.00,01,05,2024,00,00"
+    sentences = [text.format(k, k) for k in range(20) for text in (body, day)]
+    sentences = [f"{k},${s}*{functools.reduce(operator.xor, s.encode()):02X}" for k, s in enumerate(sentences)]
+    written(tmp_path / "run" / "Serial.csv", ["Timestamp (us),CSV", *sentences])
+    head = "Timestamp (us)," + ",".join(
+        f"{name} {axis} ({unit})" for name, unit in (("Gyroscope", "deg/s"), ("Accelerometer", "g")) for axis in "XYZ"
+    )
+    written(tmp_path / "run" / "Inertial.csv", [head, *joined((20_000 * np.arange(N)), *GYRO.T, *ACCEL.T)])
+    files = files_of([tmp_path], {})
+    assert files.entries["imu"]["file"] == "run/Inertial.csv"
+    assert files.entries["gnss"]["file"] == "run/Serial.csv"
+    assert len(read(tmp_path / "run" / "Serial.csv").need_gnss()) == 20
+
+
+def test_the_height_of_the_air_between_two_fixes_makes_none(tmp_path):
+    place = [f"{9.1 + 1e-5 * (k // 50):.7f},{48.7 + 1e-5 * (k // 50):.7f},{300 + k // 50}.0" for k in range(N)]
+    air = np.round(297.0 + 0.3 * np.sin(T), 2)
+    head = "Time(s),ax(g),ay(g),az(g),wx(deg/s),wy(deg/s),wz(deg/s),Altitude(m),Lon(deg),Lat(deg),GPSHeight(m)"
+    path = written(tmp_path / "log.txt", [head, *joined(T, *ACCEL.T, *GYRO.T, air, place)])
+    gnss = read(path, sigma="3,3,5").need_gnss()
+    np.testing.assert_allclose(gnss.t, np.arange(24.0))
+    np.testing.assert_array_equal(gnss.llh[:, 2], 300.0 + np.arange(24))
+    head = head.replace("GPSHeight(m)", "Undulation")  # then the height is the barometer's, but not the times
+    written(path, [head, *joined(T, *ACCEL.T, *GYRO.T, air, place)])
+    assert len(read(path, sigma="3,3,5").need_gnss()) == 24
+
+
+def test_the_receiver_is_meant_beside_a_filter_s_positions(tmp_path):
+    rows = [f"{k},{48.7 + 1e-5 * k:.7f},{9.1:.7f},300.0" for k in range(60)]
+    for name in ("gps_raw", "global_position"):
+        written(tmp_path / f"{name}.csv", ["time (s),lat (deg),lon (deg),alt (m)", *rows])
+    head = "time (s),ax (g),ay (g),az (g),gx (deg/s),gy (deg/s),gz (deg/s)"
+    written(tmp_path / "imu.csv", [head, *joined(T, *ACCEL.T, *GYRO.T)])
+    assert files_of([tmp_path], {}).entries["gnss"]["file"] == "gps_raw.csv"
+
+
+LABVIEW = """LabVIEW Measurement\t
+Separator\tTab
+Date\t2024/05/17
+***End_of_Header***\t
+\t
+Channels\t6\t\t\t\t\t\t
+Samples\t1\t1\t1\t1\t1\t1\t
+Y_Unit_Label\tg\tg\tg\tdeg/s\tdeg/s\tdeg/s\t
+Delta_X\t0.02\t0.02\t0.02\t0.02\t0.02\t0.02\t
+***End_of_Header***\t\t\t\t\t\t\t
+X_Value\tAccel_X\tAccel_Y\tAccel_Z\tRate_X\tRate_Y\tRate_Z\tComment
+"""
+
+
+def test_units_of_a_labview_measurement(tmp_path):
+    rows = ["\t".join(row.split(",")) for row in joined(T, *ACCEL.T, *GYRO.T)]
+    path = tmp_path / "test.lvm"
+    path.write_text(LABVIEW + "\n".join(rows) + "\n")
+    imu = read(path).need_imu()
+    np.testing.assert_allclose(imu.gyro, GYRO * DEG, rtol=1e-14)
+    np.testing.assert_allclose(imu.t, T)
+
+
+def opened(tmp_path, text):
+    path = tmp_path / "log.txt"
+    path.write_text(text)
+    opening = text_head.open_text(path, ReadHints())
+    return text_head.columns_of(opening)
+
+
+@pytest.mark.parametrize(
+    ("head", "units"),
+    [
+        ("timestamp\tstatus\taccelX\taccelY\taccelZ", "(us)\t(na)\t(m.s^-2)\t(m.s^-2)\t(m.s^-2)"),
+        ("T_Timestamp\tstatus\tAccel_LN_X\tAccel_LN_Y\tAccel_LN_Z\t", "us\tlocal\tm/(s^2)\tm/(s^2)\tm/(s^2)\t"),
+    ],
+)
+def test_units_in_a_line_of_their_own(head, units, tmp_path):
+    tail = "\t" if head.endswith("\t") else ""
+    read_as = opened(
+        tmp_path, f"{head}\n{units}\n" + "".join(f"{20000 * k}\t1\t0.1\t0.2\t9.8{tail}\n" for k in range(9))
+    )
+    assert [column and column[0] for column in read_as[:5]] == ["t", None, "ax", "ay", "az"]
+    assert parse_unit(read_as[2][1]).dimension == parse_unit("m/s^2").dimension
+    assert read_as[0][1] == "us"
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "clock"),
+    [
+        ("epoc (ms),timestamp (+0200),elapsed (s),ax (g),ay (g),az (g)", "1715964782000,2024,0.0,0,0,1", 0),
+        ("time,timestamp_ms,lat,lon,elevation", "2024-05-17T16:53:02.300Z,1715964782300,48.7,9.1,300.0", 0),
+        ("T [ms],AccX [mg],AccY [mg],AccZ [mg],P [mB],T ['C],H [%]", "5120,4,26,967,977.98,30.0,39", 0),
+    ],
+)
+def test_the_clock_is_the_first_of_several_columns_where_it_is_sure_to_be_one(head, row, clock, tmp_path):
+    read_as = opened(tmp_path, f"{head}\n{row}\n{row}\n")
+    assert [k for k, column in enumerate(read_as) if column and column[0] == "t"] == [clock]
+    assert not any(column and column[0] == "h" for column in read_as if column != ("h", None))
+
+
+def test_months_in_letters():
+    ns, zoned, bad = dates.unix_ns(["17-May-2024 18:53:02.001", "1-jan-2024 00:00:00", "17-Foo-2024 18:53:02"])
+    assert ns[0] == 1715971982001000000
+    assert not zoned
+    assert bad == 2
+
+
+def test_a_temperature_that_is_read_once_a_second_lies_between_its_readings(tmp_path):
+    warm = [f"{20 + k / 50:.1f}" if k % 50 == 0 else "" for k in range(N)]
+    head = "time (s),ax (g),ay (g),az (g),gx (deg/s),gy (deg/s),gz (deg/s),temperature (degC)"
+    imu = read(written(tmp_path / "log.csv", [head, *joined(T, *ACCEL.T, *GYRO.T, warm)])).need_imu()
+    np.testing.assert_allclose(imu.temperature[:1151], 20.0 + T[:1151], atol=1e-9)

@@ -8,7 +8,7 @@ import pytest
 
 from schuler.diagnosis import diagnose
 from schuler.proposal.files import files_of
-from schuler.recording.io import dates, read, text_head
+from schuler.recording.io import columns, dates, read, text_head
 from schuler.recording.io.hints import ReadHints
 from schuler.units import DEG, parse_unit
 
@@ -148,6 +148,11 @@ def test_units_in_a_line_of_their_own(head, units, tmp_path):
     [
         ("epoc (ms),timestamp (+0200),elapsed (s),ax (g),ay (g),az (g)", "1715964782000,2024,0.0,0,0,1", 0),
         ("time,timestamp_ms,lat,lon,elevation", "2024-05-17T16:53:02.300Z,1715964782300,48.7,9.1,300.0", 0),
+        (
+            "field.seq,%time,field.header.stamp,ax (g),ay (g),az (g)",
+            "1,1715964782005579934,1715964782000000000,0,0,1",
+            2,
+        ),
         ("T [ms],AccX [mg],AccY [mg],AccZ [mg],P [mB],T ['C],H [%]", "5120,4,26,967,977.98,30.0,39", 0),
     ],
 )
@@ -155,6 +160,30 @@ def test_the_clock_is_the_first_of_several_columns_where_it_is_sure_to_be_one(he
     read_as = opened(tmp_path, f"{head}\n{row}\n{row}\n")
     assert [k for k, column in enumerate(read_as) if column and column[0] == "t"] == [clock]
     assert not any(column and column[0] == "h" for column in read_as if column != ("h", None))
+
+
+MOTEC = """"Format","MoTeC CSV File",,,"Workbook","Untitled"
+"Comment","",,,"Session","2"
+"Sample Rate","50.000","Hz",,"End Time","199.980","s"
+
+"Time","Ground Speed","G Force Lat","G Force Long","G Force Vert","Gyro Yaw Velocity","Gyro Roll Velocity",\
+"Gyro Pitch Velocity","GPS Latitude","GPS Longitude","GPS Altitude","GPS Speed"
+"s","km/h","G","G","G","deg/s","deg/s","deg/s","deg","deg","m","km/h"
+
+"0.000","0.3","0.026","0.004","0.967","-0.30","-0.14","-0.24","48.7","9.1","300.0","0.1"
+"0.020","0.3","0.026","0.004","0.967","-0.30","-0.14","-0.24","48.7","9.1","300.0","0.1"
+"""
+
+
+def test_axes_of_a_vehicle_below_settings_with_units_and_the_speed_of_the_receiver(tmp_path):
+    names = [column and column[0] for column in opened(tmp_path, MOTEC)]
+    assert names == ["t", None, "ay", "ax", "az", "gz", "gx", "gy", "lat", "lon", "h", "speed"]
+
+
+def test_rates_with_their_biases_are_a_gyroscope_s_where_there_are_no_others():
+    head = [f"/gyroscope/gyro{word}/v/{k}" for word in ("Uncalibrated", "") for k in range(3)]
+    assert [c and c[0] for c in columns.recognise_all(head[:3])] == ["gx", "gy", "gz"]
+    assert [c and c[0] for c in columns.recognise_all(head)] == [None, None, None, "gx", "gy", "gz"]
 
 
 def test_months_in_letters():

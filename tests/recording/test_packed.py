@@ -154,7 +154,21 @@ def lines_that_name_columns_and_units():
     )
 
 
+def numbers_of_sensors():
+    """Sensorstream's; the magnetometer comes with some lines, a fix and its time with few."""
+
+    def row(k, *more):
+        values = [("3", ACCEL[k]), ("4", GYRO[k]), *([("5", [1.0, 2.0, 3.0])] if k % 3 == 0 else [])]
+        return ", ".join([repr(float(T[k])), *more, *(x for n, v in values for x in (n, *texts(v)))])
+
+    return [
+        row(k, "1", *texts(LLH[int(np.flatnonzero(k == FIX)[0])]), "8", "1715964782300") if k in FIX else row(k)
+        for k in range(N)
+    ]
+
+
 FORMS = {
+    "numbers of sensors": (numbers_of_sensors, "numbered"),
     "words around numbers": (words_around_numbers, "free"), "names before numbers": (names_before_numbers, "pairs"),
     "gaps": (rows_with_gaps, "gaps"), "named columns": (lines_that_name_columns, "named"),
     "named columns and units": (lines_that_name_columns_and_units, "named"),

@@ -186,6 +186,12 @@ def recognise_all(headers: Sequence[str]) -> list[tuple[str, str | None] | None]
         for k, name in named.items():
             read[k] = (name, unit_in(headers[k]))
         held = [None if column is None else column[0] for column in read]
+    if {"lat", "lon"} <= set(held):  # of two heights or speeds the receiver's is the fix's
+        for name in ("h", "speed", "course"):
+            twice = [k for k, other in enumerate(held) if other == name]
+            received = [k for k in twice if header_words.is_foreign(header_words.words_of(texts[k]))]
+            if len(received) == 1:
+                read = [None if k in twice and k not in received else column for k, column in enumerate(read)]
     return read
 
 

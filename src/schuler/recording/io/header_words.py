@@ -24,7 +24,17 @@ _GENERAL = {
 _AXES = {"x": 0, "y": 1, "z": 2}
 #: Axes of a vehicle: of its accelerations, and of its rates.
 _VEHICLE = {
-    "a": {"inline": 0, "longitudinal": 0, "forward": 0, "lateral": 1, "vertical": 2, "down": 2},
+    "a": {
+        "inline": 0,
+        "longitudinal": 0,
+        "forward": 0,
+        "long": 0,
+        "lateral": 1,
+        "lat": 1,
+        "vertical": 2,
+        "vert": 2,
+        "down": 2,
+    },
     "g": {"roll": 0, "pitch": 1, "yaw": 2},
 }
 _PLACES = {
@@ -47,7 +57,7 @@ _OTHERS = frozenset((
     "linear", "user", "free", "gravity", "world", "earth", "global", "enu", "ned", "bias", "offset", "std", "sigma",
     "stddev", "var", "variance", "err", "error", "sd", "composite", "norm", "total", "magnitude", "angle", "angles",
     "euler", "roll", "pitch", "yaw", "cmd", "command", "setpoint", "target", "ref", "reference", "home", "accuracy",
-    "uncertainty", "dop", "hdop", "vdop", "pdop", "fix", "status", "temp", "temperature", "delta", "uncalibrated",
+    "uncertainty", "dop", "hdop", "vdop", "pdop", "fix", "status", "temp", "temperature", "delta",
     "vertical", "gt", "truth", "true", "ekf", "filtered", "estimated", "fused", "ins",
 ))  # fmt: skip
 _RATES = {"rad": "rad/s", "rads": "rad/s", "deg": "deg/s", "dps": "deg/s", "mdps": "mdps"}
@@ -103,13 +113,18 @@ def _triad(words: Sequence[list[str]], stem: str) -> dict[int, str]:
     families: defaultdict[tuple[str, ...], dict[int, int]] = defaultdict(dict)
     for k, field in enumerate(words):
         split = _sensor_and_axis(field, stem)
-        others = _OTHERS - {"angle", "roll", "pitch", "yaw"} if "rate" in field else _OTHERS - {"vertical"}
+        turns = "rate" in field or set(_SENSORS["g"]) & set(field)
+        others = _OTHERS - {"angle", "roll", "pitch", "yaw"} if turns else _OTHERS - {"vertical"}
         if split is not None and not others & set(field):
             families[split[0]].setdefault(split[1], k)
     whole = {family: axes for family, axes in families.items() if len(axes) == 3}
     likely = [axes for family, axes in whole.items() if _is_sensor(family, stem)] or list(whole.values())
-    if len(likely) > 1:  # a logger may write the vehicle's axes, turned from the sensor's, beside them
-        likely = [axes for family, axes in whole.items() if axes in likely and "vehicle" not in family]
+    for word in (
+        "vehicle",
+        "uncalibrated",
+    ):  # axes turned from the sensor's, and rates with their biases, beside others
+        rest = [axes for family, axes in whole.items() if axes in likely and word not in family]
+        likely = rest if len(likely) > 1 else likely
     if len(likely) != 1:
         return {}
     return {k: f"{stem}{'xyz'[axis]}" for axis, k in likely[0].items()}
@@ -120,7 +135,8 @@ def _sensor_and_axis(field: list[str], stem: str) -> tuple[tuple[str, ...], int]
     general = _GENERAL.get(stem, ())
     for word, along in _VEHICLE.get(stem, {}).items():
         rest = [other for other in field if other != word]
-        if word in field and (("rate" in rest) if stem == "g" else bool(set(_SENSORS[stem]) & set(rest))):
+        of_it = bool(set(_SENSORS[stem]) & set(rest)) or any(set(phrase) <= set(rest) for phrase in general)
+        if word in field and of_it:
             return (*rest, "vehicle"), along
     for k in range(len(field) - 1, -1, -1):
         word, rest = field[k], [*field[:k], *field[k + 1 :]]

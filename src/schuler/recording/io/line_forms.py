@@ -4,6 +4,7 @@
   a date, a time of day or milliseconds may stand before them. Sentences of NMEA among them are taken as they are.
 - ``raw_imu,time_usec,412337000,xacc,4,yacc,-26``: a name before each number.
 - ``FMT`` and ``$COL``, lines that name the columns of each kind of line (ArduPilot's text, FlySight).
+- ``t, 3, x, y, z, 4, x, y, z``: numbers of sensors, each before its three values (Sensorstream).
 - rows of a table in which an accelerometer, a gyroscope or a receiver have their fields, and the others none.
 """
 
@@ -34,6 +35,9 @@ _NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _LABEL = re.compile(r"(?<!\w)[A-Za-z/]\w*\]?\s*[:=]\s*[(\[]?\s*[-+.\d]")
 _UNIT = re.compile(r"\s?([a-zA-Z°/^0-9]+)")
 _TICKS = {"TimeUS": "time [us]", "TimeMS": "time [ms]"}
+#: Sensors by their numbers in Sensorstream's lines.
+_SENSORS = {"1": ("lat", "lon", "alt"), "3": columns.ACCEL, "4": columns.GYRO}
+_SINGLE = ("8", "85", "86")  # of one value: time, pressure, temperature
 _NAMING = re.compile(r"FMT, *\d+|\$COL,")
 _MARKS = " \t,;|:=()[]{}<>-"
 _LOOKED_AT = 200
@@ -71,9 +75,11 @@ def form_of(rows: Sequence[str], path: Path) -> str | None:
 
     Returns
     -------
-    {"pairs", "gaps", "free"} or None
+    {"numbered", "pairs", "gaps", "free"} or None
     """
     rows = rows[:_LOOKED_AT]
+    if sum("ax" in _numbered(row) for row in rows) > _PAIRED * len(rows):
+        return "numbered"
     if sum(len(_pairs(row)[1]) > 3 for row in rows) > _PAIRED * len(rows):
         return "pairs"
     if _has_gaps(rows, path):
@@ -153,6 +159,35 @@ def named_rows(path: Path) -> Iterator[tuple[str, Row]]:
             stated = units.get(fields[0], [""] * len(row))
             row = {f"{k} [{u}]" if u and _is_unit(u) else k: x for (k, x), u in zip(row.items(), stated, strict=False)}
             yield f"{fields[0]}{row.get('I', '0').strip('0')}", row
+
+
+def _numbered(text: str) -> Row:
+    """Values of a line by the numbers of their sensors; nothing if it is no such line."""
+    fields = fields_of(text, ",")
+    if len(fields) < 5 or not all(map(lines.is_number, fields)):
+        return {}
+    row, k = {"time": fields[0]}, 1
+    while k < len(fields):
+        if not (fields[k].isdigit() and len(fields[k]) < 3):
+            return {}
+        row |= dict(zip(_SENSORS.get(fields[k], ()), fields[k + 1 : k + 4], strict=False))
+        k += 2 if fields[k] in _SINGLE else 4
+    return row if k == len(fields) else {}
+
+
+def numbered_rows(path: Path) -> Iterator[tuple[str, Row]]:
+    """Samples of the IMU, and rows of fixes where a line has one.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    for text in text_of(path):
+        row = _numbered(text)
+        place = {name: row.pop(name) for name in _SENSORS["1"] if name in row}
+        yield "imu", row
+        if place:
+            yield "gnss", {"time": row["time"]} | place
 
 
 def _has_gaps(rows: Sequence[str], path: Path) -> bool:

@@ -475,6 +475,7 @@ def _vbox_row(names: list[str], fields: list[str], day: str) -> Row:
 _ROWS: dict[str, Callable[[Path], Iterator[tuple[str, Row]]]] = {
     "json": _json_rows, "json-list": _json_list, "json-columns": _json_columns, "labels": _labels, "words": _words,
     "column": _column, "beside-nmea": _beside_nmea, "vbox": _vbox,
-    "named": line_forms.named_rows, "pairs": line_forms.paired_rows, "gaps": line_forms.rows_with_gaps,
+    "named": line_forms.named_rows, "numbered": line_forms.numbered_rows,
+    "pairs": line_forms.paired_rows, "gaps": line_forms.rows_with_gaps,
     "free": line_forms.free_rows,
 }  # fmt: skip

@@ -69,8 +69,8 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
                 table = replace(table, decimal=",")
                 fields = table.split(line)
             numeric = any(map(lines.is_number, fields)) or all(map(lines.is_value, fields))
-            if numeric and number <= _BANNER and len(fields) == 2 and not _is_entry(fields[0]):
-                numeric = False  # a setting and its value
+            if numeric and number <= _BANNER and _is_setting(fields):
+                numeric = False
             above = table.split(header[1]) if header and _names_columns(table.split(header[1])) else []
             if hints.bad_lines and (len(fields) != (_width(hints) or len(above) or len(fields)) if numeric else above):
                 first = first or number  # a garbled line, as the one a log begins in the middle of; it is counted later
@@ -122,6 +122,12 @@ def _names_columns(fields: list[str]) -> bool:
         return all(map(columns.recognise, fields))
     together = columns.recognise_all(fields)
     return any(map(columns.recognise, fields)) or any(column is not None and column[0] != "t" for column in together)
+
+
+def _is_setting(fields: Sequence[str]) -> bool:
+    """Whether a line is a word and its value, or several of them with units: ``Sample Rate,50.000,Hz,,Laps,1``."""
+    filled = [field for field in fields if field]
+    return not _is_entry(fields[0]) and (len(filled) == 2 or 2 * sum(map(lines.is_number, filled)) < len(filled))
 
 
 def _is_entry(field: str) -> bool:
@@ -196,7 +202,16 @@ def columns_of(opening: Opening) -> list[tuple[str, str | None] | None]:
 
 
 def _first_clock(read: list[tuple[str, str | None] | None], opening: Opening) -> list[tuple[str, str | None] | None]:
-    """Columns with one clock, where the first of all is one for sure: a date, or of a stated unit."""
+    """Columns with one clock, where the first of all is one for sure: a date, or of a stated unit.
+
+    Of ROS's topics as tables it is the stamp of the message, not when it came.
+    """
+    names = [] if opening.header is None else opening.header[1]
+    stamps = [k for k, name in enumerate(names) if name.lower().endswith("header.stamp")]
+    if len(stamps) == 1:
+        read = [None if column is not None and column[0] == "t" else column for column in read]
+        read[stamps[0]] = ("t", "ns")
+        return read
     first = read[0] if read else None
     if first is None or first[0] != "t" or (first[1] is None and not dates.is_date(opening.fields[0])):
         return read

@@ -25,15 +25,9 @@ _AXES = {"x": 0, "y": 1, "z": 2}
 #: Axes of a vehicle: of its accelerations, and of its rates.
 _VEHICLE = {
     "a": {
-        "inline": 0,
-        "longitudinal": 0,
-        "forward": 0,
-        "long": 0,
-        "lateral": 1,
-        "lat": 1,
-        "vertical": 2,
-        "vert": 2,
-        "down": 2,
+        **dict.fromkeys(("inline", "longitudinal", "forward", "long"), 0),
+        **dict.fromkeys(("lateral", "lat"), 1),
+        **dict.fromkeys(("vertical", "vert", "down"), 2),
     },
     "g": {"roll": 0, "pitch": 1, "yaw": 2},
 }
@@ -119,10 +113,8 @@ def _triad(words: Sequence[list[str]], stem: str) -> dict[int, str]:
             families[split[0]].setdefault(split[1], k)
     whole = {family: axes for family, axes in families.items() if len(axes) == 3}
     likely = [axes for family, axes in whole.items() if _is_sensor(family, stem)] or list(whole.values())
-    for word in (
-        "vehicle",
-        "uncalibrated",
-    ):  # axes turned from the sensor's, and rates with their biases, beside others
+    # axes turned from the sensor's, and rates with their biases in them, only where there are no others
+    for word in ("vehicle", "uncalibrated"):
         rest = [axes for family, axes in whole.items() if axes in likely and word not in family]
         likely = rest if len(likely) > 1 else likely
     if len(likely) != 1:

@@ -154,10 +154,15 @@ def named_rows(path: Path) -> Iterator[tuple[str, Row]]:
             names[fields[3]] = [_TICKS.get(name, name) for name in fields[5:]]
         elif fields[0] in ("$COL", "$UNIT") and len(fields) > 3:
             (names if fields[0] == "$COL" else units)[f"${fields[1]}"] = fields[2:]
-        elif len(fields) == len(columns_of := names.get(fields[0], [])) + 1:
-            row = dict(zip(columns_of, fields[1:], strict=True))
-            stated = units.get(fields[0], [""] * len(row))
-            row = {f"{k} [{u}]" if u and _is_unit(u) else k: x for (k, x), u in zip(row.items(), stated, strict=False)}
+        elif (columns_of := names.get(fields[0])) is not None:
+            if len(fields) != len(columns_of) + 1:
+                yield "", {}
+                continue
+            stated = [*units.get(fields[0], []), *[""] * len(columns_of)]
+            row = {
+                f"{name} [{unit}]" if unit and _is_unit(unit) else name: x
+                for name, unit, x in zip(columns_of, stated, fields[1:], strict=False)
+            }
             yield f"{fields[0]}{row.get('I', '0').strip('0')}", row
 
 

@@ -19,6 +19,7 @@ from schuler.units import parse_unit
 
 _COMMENTS = ("#", "%", "//")
 _BANNER = 20  # lines of words above the first numbers that a logger may write
+_LEAST_NS = 1e17  # of a stamp since 1970 in nanoseconds
 _LOOKED_AT = 100  # rows in which a decimal comma shows
 #: How columns are said where no header tells them.
 EXAMPLE = "columns='t,ax,ay,az,gx,gy,gz' (- skips one, * the rest)"
@@ -78,9 +79,9 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
             if numeric:
                 table = replace(table, first=first or number)
                 names = _header(table, header, fields) if header else _commented_header(table, comments, fields)
-                if sources and names:
+                if names and len(sources) == len(names[1]):
                     names = names[0], _told_apart(names[1], sources)
-                if units and names:
+                if names and len(units) == len(names[1]):
                     names = names[0], [_with_unit(*pair) for pair in zip(names[1], units, strict=True)]
                 if table.decimal == "." and _has_decimal_commas(table, line, stream):
                     table = replace(table, decimal=",")
@@ -210,7 +211,8 @@ def _first_clock(read: list[tuple[str, str | None] | None], opening: Opening) ->
     stamps = [k for k, name in enumerate(names) if name.lower().endswith("header.stamp")]
     if len(stamps) == 1:
         read = [None if column is not None and column[0] == "t" else column for column in read]
-        read[stamps[0]] = ("t", "ns")
+        field = opening.fields[stamps[0]] if stamps[0] < len(opening.fields) else ""
+        read[stamps[0]] = ("t", "ns" if lines.is_number(field) and float(field) > _LEAST_NS else None)
         return read
     first = read[0] if read else None
     if first is None or first[0] != "t" or (first[1] is None and not dates.is_date(opening.fields[0])):

@@ -203,16 +203,20 @@ def test_what_stands_beside_an_imu_is_passed_over(tmp_path, capsys, order, field
 
 
 def test_a_folder_is_read_as_navigate_would_read_it(tmp_path, capsys):
-    """info recognises columns of a folder's files, and names the folders in one that has no logs of its own."""
+    """info recognises columns of a folder's files, and names the folders in one that has no logs of its own.
+
+    A folder that holds nothing but one is that one.
+    """
     (tmp_path / "inner").mkdir()
     save(tmp_path / "inner" / "rest.csv", ["time,gx (deg/s),gy (deg/s),gz (deg/s),ax,ay,az"])
-    code, out, err = run(capsys, "info", tmp_path / "inner")
-    assert code == 0
-    assert "4000 samples at 100 Hz" in out
-    assert "recording.imu.units = accel=mg,t=ms" in err
-    message = refusal(capsys, "info", tmp_path)
-    assert "give one of the folders in it: inner" in message
-    assert "give one of the folders in it: inner" in refusal(capsys, "navigate", tmp_path)
+    for folder in (tmp_path / "inner", tmp_path):
+        code, out, err = run(capsys, "info", folder)
+        assert code == 0
+        assert "4000 samples at 100 Hz" in out
+        assert "recording.imu.units = accel=mg,t=ms" in err
+    (tmp_path / "other").mkdir()
+    assert "give one of the folders in it: inner, other" in refusal(capsys, "info", tmp_path)
+    assert "give one of the folders in it: inner, other" in refusal(capsys, "navigate", tmp_path)
 
 
 @pytest.mark.parametrize("given", [{}, {"units": "accel=mg,gyro=deg/s,t=ms"}])

@@ -228,6 +228,14 @@ def test_hints_that_name_no_part_are_of_the_imu(tmp_path, capsys):
     assert "240 samples" in capsys.readouterr().out
 
 
+def test_units_behind_numbers_are_their_columns(tmp_path):
+    path = written(
+        tmp_path, [f"Location: {48.7 + 1e-5 * k:.6f},9.1 Alt: 300.5m Speed: {36 + k}km/h" for k in range(30)]
+    )
+    [table] = packed.tables(path)
+    assert packed.resolved(path / table).read_text().splitlines()[0] == "lat,lon,Alt [m],Speed [km/h]"
+
+
 def test_a_damaged_document_beside_a_log_is_none_of_its_tables(tmp_path):
     written(tmp_path, json_lines(False))
     (tmp_path / "settings.json").write_text('{"weights": [1, 2, 3], "other": [')

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from schuler.diagnosis import diagnose
+from schuler.exceptions import FileFormatError
 from schuler.proposal.files import files_of
 from schuler.recording.io import columns, dates, read, text_head
 from schuler.recording.io.hints import ReadHints
@@ -198,3 +199,25 @@ def test_a_temperature_that_is_read_once_a_second_lies_between_its_readings(tmp_
     head = "time (s),ax (g),ay (g),az (g),gx (deg/s),gy (deg/s),gz (deg/s),temperature (degC)"
     imu = read(written(tmp_path / "log.csv", [head, *joined(T, *ACCEL.T, *GYRO.T, warm)])).need_imu()
     np.testing.assert_allclose(imu.temperature[:1151], 20.0 + T[:1151], atol=1e-9)
+
+
+def test_a_temperature_of_words_or_of_nothing_is_refused(tmp_path):
+    head = "time (s),ax (g),ay (g),az (g),gx (deg/s),gy (deg/s),gz (deg/s),temperature (degC)"
+    for warm, match in ((["20.0", "hot", ""], "column 8: expected a number"), ([""], "no row has a number")):
+        rows = joined(T, *ACCEL.T, *GYRO.T, [warm[k % len(warm)] for k in range(N)])
+        with pytest.raises(FileFormatError, match=match):
+            read(written(tmp_path / "log.csv", [head, *rows]))
+
+
+def test_a_fix_may_be_without_course_and_says_so_but_not_with_a_word(tmp_path):
+    def table(course):
+        rows = [f"{k},{48.7 + 2e-5 * k:.6f},9.1,300.0,2.2,{course(k)}" for k in range(40)]
+        return written(tmp_path / "gps.csv", ["time (s),lat (deg),lon (deg),alt (m),speed (m/s),course (deg)", *rows])
+
+    recording = read(table(lambda k: "" if k < 5 else "0.0"), sigma="3,3,5")
+    assert any("5 rows have no course" in note for note in recording.metadata.notes)
+    north = recording.need_gnss().v_n[:, 0]
+    np.testing.assert_array_equal(north[:5], 0.0)  # anywhere, with a 1-sigma of the speed
+    np.testing.assert_allclose(north[5:], 2.2)
+    with pytest.raises(FileFormatError, match="column 6: expected a number or nothing, got 'N'"):
+        read(table(lambda k: "N" if k == 30 else "0.0"), sigma="3,3,5")

@@ -15,7 +15,7 @@ from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.recording.io import clock, columns, dates, lines, own, own_satellites
 from schuler.recording.io.assemble import CONVERTED, recording_from
-from schuler.recording.io.held_rows import BLANK, new_rows
+from schuler.recording.io.held_rows import new_rows
 from schuler.recording.io.hint_texts import ColumnSpec, factor, parse_columns, parse_units
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import Raw
@@ -150,7 +150,7 @@ def _load(opening: Opening, hints: ReadHints) -> Raw:
         if n_bad:
             notes.append(f"{n_bad} garbled lines of {n_bad + len(numbers)} were left out.")
     else:
-        values, truncated = _values(opening, names, indices, hints.allows("truncated"))
+        values, truncated = _values(opening, names, indices, notes, hints.allows("truncated"))
         rows = (fields for _, fields in itertools.islice(opening.table.rows(), len(values)))
         if truncated:
             notes.append("The last line was cut off and left out.")
@@ -190,13 +190,16 @@ def _rarer(
     return raw
 
 
-def _values(opening: Opening, names: list[str], indices: list[int], cut: bool) -> tuple[FloatArray, bool]:
+def _values(
+    opening: Opening, names: list[str], indices: list[int], notes: list[str], cut: bool
+) -> tuple[FloatArray, bool]:
     """Numbers of the used columns, of which some may be slower than the rest and have empty fields.
 
-    Between its readings a temperature is interpolated, a magnetometer NaN; what a fix may be without is -1.
+    Between its readings a temperature is interpolated, a magnetometer NaN; a fix without speed or course has -1.
     """
     table, n_columns = opening.table, len(opening.fields)
-    slower = [k for k, name in enumerate(names) if name in (*columns.MAG, "temp", *(BLANK if "lat" in names else ()))]
+    slow = {*columns.MAG, "temp", *(columns.OVER_GROUND if "lat" in names else ())}
+    slower = [k for k, name in enumerate(names) if name in slow]
     try:
         return lines.load(table, n_columns, indices, allow_truncated=cut)
     except FileFormatError:
@@ -206,18 +209,23 @@ def _values(opening: Opening, names: list[str], indices: list[int], cut: bool) -
     loaded, truncated = lines.load(table, n_columns, [indices[k] for k in others], allow_truncated=cut)
     values = np.full((len(loaded), len(names)), np.nan)
     values[:, others] = loaded
-    for row, (_, fields) in zip(values, table.rows(), strict=False):
+    for row, (number, fields) in zip(values, table.rows(), strict=False):
         for k in slower:
-            if lines.is_number(fields[indices[k]]):
-                row[k] = float(fields[indices[k]])
-    for k in slower:
-        if names[k] in BLANK:
-            values[~np.isfinite(values[:, k]), k] = -1.0
-    if "temp" in names:
-        temperature = values[:, names.index("temp")]
-        read = np.flatnonzero(np.isfinite(temperature))
-        if len(read):
-            temperature[:] = np.interp(np.arange(len(values)), read, temperature[read])
+            if lines.is_number(field := fields[indices[k]]):
+                row[k] = float(field)
+            elif field and names[k] not in columns.MAG:
+                what = f"column {indices[k] + 1}: expected a number or nothing, got {lines.shorten(field)}"
+                raise FileFormatError(f"{what}; correct the line, or skip the column with -", table.path, number)
+    for k in [k for k in slower if names[k] not in columns.MAG and np.isnan(values[:, k]).any()]:
+        empty = np.isnan(values[:, k])
+        if names[k] == "temp" and empty.all():
+            what = f"column {indices[k] + 1}: no row has a number; skip the column with -"
+            raise FileFormatError(what, table.path, table.first)
+        values[empty, k] = -1.0
+        if names[k] == "temp":
+            values[:, k] = np.interp(np.arange(len(values)), np.flatnonzero(~empty), values[~empty, k])
+        how = "it was interpolated" if names[k] == "temp" else "it is not known there"
+        notes.append(f"{int(empty.sum())} rows have no {names[k]}: {how}.")
     return values, truncated
 
 

@@ -11,7 +11,7 @@ from schuler.recording.io import columns, lines
 from schuler.recording.io.raw import COUNTER
 from schuler.recording.io.text_head import Opening
 
-BLANK = ("speed", "course", "sspeed", "heading", "q", "ns", *columns.DILUTION)  # a fix may be without
+_BLANK = ("speed", "course", "sspeed", "heading", "q", "ns", *columns.DILUTION)  # a fix may be without
 _PLACE = ("lat", "lon", "n", "e")
 _OFTEN, _MOSTLY = 3, 0.3  # changes over those of the place, and over all rows, of another sensor's: a barometer's
 
@@ -37,7 +37,7 @@ def new_rows(
     counted : ndarray, shape (n,)
         What a counter of 32 bits that began again before a row is to be counted on by.
     """
-    needed = [k for name, k in zip(names, indices, strict=True) if name != "t" and not (fixes and name in BLANK)]
+    needed = [k for name, k in zip(names, indices, strict=True) if name != "t" and not (fixes and name in _BLANK)]
     place = [k for name, k in zip(names, indices, strict=True) if name in _PLACE]
     watched = [k for name, k in zip(names, indices, strict=True) if name != "t"]
     if fixes and place:

@@ -19,7 +19,6 @@ from typing import TypeAlias
 from schuler.exceptions import SchulerError
 from schuler.recording.io import columns, lines, text_head
 from schuler.recording.io.hints import ReadHints
-from schuler.units import parse_unit
 
 Row: TypeAlias = dict[str, str]
 COMMENTS = ("#", "%", "//")
@@ -160,7 +159,7 @@ def named_rows(path: Path) -> Iterator[tuple[str, Row]]:
                 continue
             stated = [*units.get(fields[0], []), *[""] * len(columns_of)]
             row = {
-                f"{name} [{unit}]" if unit and _is_unit(unit) else name: x
+                f"{name} [{unit}]" if unit and text_head.is_unit(unit) else name: x
                 for name, unit, x in zip(columns_of, stated, fields[1:], strict=False)
             }
             yield f"{fields[0]}{row.get('I', '0').strip('0')}", row
@@ -288,7 +287,7 @@ def _labelled(text: str) -> Row:
         if re.search(r"[A-Za-z]", between):
             label = re.split(r"[\s,;|]+", between)[-1].strip(_MARKS)
         unit = _UNIT.match(text, number.end())
-        at = unit.end() if unit and _is_unit(unit[1]) else number.end()
+        at = unit.end() if unit and text_head.is_unit(unit[1]) else number.end()
         values.setdefault(f"{label} [{unit[1]}]" if unit and at > number.end() else label, []).append(number[0])
     row: Row = {}
     for name, numbers in values.items():
@@ -308,11 +307,3 @@ def _names(label: str, count: int) -> list[str]:
     if count == 3 * len(sensors):
         return [f"{sensor}_{axis}" for sensor in sensors for axis in "xyz"]
     return [f"{stem}_{k}" for k in range(1, count + 1)]
-
-
-def _is_unit(word: str) -> bool:
-    try:
-        parse_unit(word)
-    except SchulerError:
-        return False
-    return True

@@ -139,10 +139,11 @@ def _is_entry(field: str) -> bool:
 def _are_units(fields: list[str]) -> bool:
     """Whether a line below a header states units: most of its fields are some, but for those without any."""
     stated = [field for field in fields if field.strip("\"'[]() ").lower() not in ("", "na", "n/a", "-", "none")]
-    return 2 * sum(map(_is_unit, fields)) > len(stated)
+    return 2 * sum(map(is_unit, fields)) > len(stated)
 
 
-def _is_unit(field: str) -> bool:
+def is_unit(field: str) -> bool:
+    """Whether a field is a unit, in brackets or quotes or without."""
     try:
         parse_unit(field.strip("\"'[] "))
     except SchulerError:
@@ -153,7 +154,7 @@ def _is_unit(field: str) -> bool:
 def _with_unit(name: str, unit: str) -> str:
     """A column's name with the unit below it, if it is one."""
     bare = unit[1:-1] if unit.startswith("(") and unit.endswith(")") else unit
-    return f"{name} [{bare}]" if _is_unit(unit) else name
+    return f"{name} [{bare}]" if is_unit(unit) else name
 
 
 def _told_apart(names: list[str], sources: Sequence[str]) -> list[str]:

@@ -201,12 +201,18 @@ def test_a_temperature_that_is_read_once_a_second_lies_between_its_readings(tmp_
     np.testing.assert_allclose(imu.temperature[:1151], 20.0 + T[:1151], atol=1e-9)
 
 
-def test_a_temperature_of_words_or_of_nothing_is_refused(tmp_path):
+def test_a_temperature_of_words_is_refused_and_one_of_nothing_is_none(tmp_path):
     head = "time (s),ax (g),ay (g),az (g),gx (deg/s),gy (deg/s),gz (deg/s),temperature (degC)"
-    for warm, match in ((["20.0", "hot", ""], "column 8: expected a number"), ([""], "no row has a number")):
+
+    def table(*warm):
         rows = joined(T, *ACCEL.T, *GYRO.T, [warm[k % len(warm)] for k in range(N)])
-        with pytest.raises(FileFormatError, match=match):
-            read(written(tmp_path / "log.csv", [head, *rows]))
+        return written(tmp_path / "log.csv", [head, *rows])
+
+    with pytest.raises(FileFormatError, match="column 8: expected a number"):
+        read(table("20.0", "hot", ""))
+    recording = read(table(""))
+    assert recording.need_imu().temperature is None
+    assert any("temperature has no readings" in note for note in recording.metadata.notes)
 
 
 def test_a_fix_may_be_without_course_and_says_so_but_not_with_a_word(tmp_path):

@@ -160,8 +160,8 @@ def test_a_clean_log_is_the_same_with_garbled_lines_allowed(tmp_path):
 
 
 def test_faults_of_good_rows_name_their_line(tmp_path):
-    path = garble(imu(tmp_path, np.arange(200) * 0.01), (50, 60), ("#!", "0.3,0.01,0.02,-1.0,0.1,0.2,0.3"))
+    path = garble(imu(tmp_path, np.arange(200) * 0.01), (50, 60), ("#!", "0.575,0.01,0.02,-1.0,0.1,0.2,9e4"))
     path = garble(path, (10,), ("junk,junk",))
-    with pytest.raises(FileFormatError, match="increasing times") as error:
+    with pytest.raises(FileFormatError, match="gyro reaches") as error:
         schuler.read(path, bad_lines=0.02, **READ)
     assert error.value.line == 62

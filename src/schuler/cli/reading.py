@@ -46,7 +46,8 @@ class Hints:
     variable
         Array of a MATLAB or NumPy file.
     bad_lines
-        Largest share of garbled lines of a text log, which are left out and counted, such as 0.01.
+        Largest share of garbled, empty, repeated or late lines of a text log, which are left out or sorted in and
+        counted, such as 0.01.
     allow
         Checks to pass over with a note, such as norm,magnitude,truncated.
     streams

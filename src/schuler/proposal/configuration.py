@@ -19,6 +19,7 @@ from schuler.exceptions import InputError, SchulerError
 from schuler.navigation.config import NavigationConfig
 from schuler.plotting.notebook import Displayed
 from schuler.proposal import cures, setup
+from schuler.proposal.damage import leave_out_garbled
 from schuler.proposal.decision import Decision, UndecidedError, option
 from schuler.proposal.files import SOMEWHERE, Files, files_of, hints_of
 from schuler.proposal.hints import UNTIL
@@ -35,6 +36,7 @@ _ROUNDS = 8  # of cures; each judges the log anew
 _HEAD = 2000  # characters of a file in which its IMU may be named
 _WITH_SCALES = 33  # states, those of scale factors and misalignments among them
 _GIVEN = "as said"
+_REFUSED = ("refused", "unreadable", "missing", "duplicates", "backward_times")  # findings on rows, among others
 
 
 @dataclass(frozen=True, repr=False)
@@ -220,7 +222,8 @@ def _cured(files: Files, given: Mapping[str, Any]) -> Diagnosis:
     """Diagnosis of the log with every sure cure in its hints."""
     for _ in range(_ROUNDS):
         diagnosis = diagnose_log(files.log, quick=True, **files.entries)
-        if not _step(files, diagnosis.findings, given):
+        refused = any(f.code in _REFUSED for f in diagnosis.findings)
+        if not (refused and leave_out_garbled(files, given)) and not _step(files, diagnosis.findings, given):
             break
     if question := _question(files, diagnosis):
         raise question

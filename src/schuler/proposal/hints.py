@@ -23,6 +23,7 @@ _ARRAYS = (".npy", ".npz", ".mat")
 _MOST_DEG = 180.0
 #: Factors of a u-blox receiver's whole numbers (NAV-PVT): degrees, metres, metres a second.
 _UBLOX = {"lat": 1e-7, "lon": 1e-7, "h": 1e-3, "speed": 1e-3, "course": 1e-5, "heading": 1e-5}
+_AT_ZERO = 0.05  # of latitude or longitude, beside which a log was made up at zero in degrees
 _SPEED_SIGMA = 0.1  # of wheels that do not say theirs [m/s]
 
 
@@ -68,6 +69,11 @@ def table_hints(path: Path, section: str, part: str | None) -> tuple[dict[str, A
             entry["scale"] = scale
             why = "whole numbers beyond 180: u-blox's units, 1e-7 deg, mm, mm/s and 1e-5 deg"
             decisions.append(Decision(f"{section}.scale", scale, why))
+        if part in ("gnss", "reference") and _in_radians(path, entry.get("columns")):
+            entry["units"] = ",".join(filter(None, (entry.get("units"), "angle=rad")))
+            decisions = [d for d in decisions if d.entry != f"{section}.units"]
+            why = "latitudes and longitudes within 3.2 of zero: no land lies there, if they were degrees"
+            decisions.append(Decision(f"{section}.units", entry["units"], why))
         accuracy, more = (
             ({}, []) if section.endswith("reference") else accuracy_hints(path, section, part, entry.get("columns"))
         )
@@ -143,6 +149,19 @@ def _whole_units(path: Path) -> str:
     if not {"lat", "lon"} <= set(whole) or max(np.abs(whole["lat"]).max(), np.abs(whole["lon"]).max()) <= _MOST_DEG:
         return ""
     return ",".join(f"{name}={_UBLOX[name]:g}" for name in whole)
+
+
+def _in_radians(path: Path, given: str | None) -> bool:
+    """Whether latitudes and longitudes without a unit are radians: degrees would lie in the Gulf of Guinea."""
+    names, stated = _layout(path, given)
+    if not {"lat", "lon"} <= set(names) or {"lat", "lon"} & stated:
+        return False
+    angles = {n: tables.column(path, names.index(n)) for n in ("lat", "lon", "course", "heading") if n in names}
+    largest = {name: float(np.nanmax(np.abs(x))) for name, x in angles.items() if x is not None and len(x)}
+    if not {"lat", "lon"} <= set(largest) or {"course", "heading"} & stated:
+        return False
+    place = max(largest["lat"], largest["lon"])
+    return _AT_ZERO < place <= np.pi and largest["lat"] <= 0.5 * np.pi and max(largest.values()) <= 2.0 * np.pi
 
 
 def _dated(section: str, t: FloatArray, unit: str) -> tuple[dict[str, Any], list[Decision]]:

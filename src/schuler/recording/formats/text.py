@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError, SchulerError
-from schuler.recording.io import clock, columns, dates, lines, own, own_satellites
+from schuler.recording.io import clock, columns, dates, lines, missing_values, own, own_satellites
 from schuler.recording.io.assemble import CONVERTED, recording_from
+from schuler.recording.io.garbled import good_rows, put_in_order
 from schuler.recording.io.held_rows import new_rows
 from schuler.recording.io.hint_texts import ColumnSpec, factor, parse_columns, parse_units
 from schuler.recording.io.hints import ReadHints
@@ -144,13 +144,13 @@ def _load(opening: Opening, hints: ReadHints) -> Raw:
     rows: Iterable[list[str]]
     line_of: Callable[[int], int | None] = opening.table.line_of
     if hints.bad_lines:
-        numbers, rows, n_bad = lines.good_rows(opening.table, n_columns, indices, dated, hints.bad_lines)
+        numbers, rows, n_bad = good_rows(opening.table, n_columns, indices, dated, hints.bad_lines)
         values = np.array([[float(fields[k]) for k in indices] for fields in rows])
         line_of = numbers.__getitem__
         if n_bad:
             notes.append(f"{n_bad} garbled lines of {n_bad + len(numbers)} were left out.")
     else:
-        values, truncated = _values(opening, names, indices, notes, hints.allows("truncated"))
+        values, truncated = missing_values.load(opening, names, indices, allow_truncated=hints.allows("truncated"))
         rows = (fields for _, fields in itertools.islice(opening.table.rows(), len(values)))
         if truncated:
             notes.append("The last line was cut off and left out.")
@@ -158,6 +158,8 @@ def _load(opening: Opening, hints: ReadHints) -> Raw:
     raw = Raw(opening.table.path, arrays, stated, line_of, notes=notes, negated=negated)
     if dated is not None:
         _stamp(raw, hints, _stamps_of(opening, dated, rows))
+    if hints.bad_lines:
+        put_in_order(raw, hints.bad_lines)
     return raw
 
 
@@ -188,45 +190,6 @@ def _rarer(
     if dated is not None:
         _stamp(raw, hints, _stamps_of(opening, dated, rows))
     return raw
-
-
-def _values(
-    opening: Opening, names: list[str], indices: list[int], notes: list[str], cut: bool
-) -> tuple[FloatArray, bool]:
-    """Numbers of the used columns, of which some may be slower than the rest and have empty fields.
-
-    Between its readings a temperature is interpolated, a magnetometer NaN; a fix without speed or course has -1.
-    """
-    table, n_columns = opening.table, len(opening.fields)
-    slow = {*columns.MAG, "temp", *(columns.OVER_GROUND if "lat" in names else ())}
-    slower = [k for k, name in enumerate(names) if name in slow]
-    try:
-        return lines.load(table, n_columns, indices, allow_truncated=cut)
-    except FileFormatError:
-        if not slower:
-            raise
-    others = [k for k in range(len(names)) if k not in slower]
-    loaded, truncated = lines.load(table, n_columns, [indices[k] for k in others], allow_truncated=cut)
-    values = np.full((len(loaded), len(names)), np.nan)
-    values[:, others] = loaded
-    for row, (number, fields) in zip(values, table.rows(), strict=False):
-        for k in slower:
-            if lines.is_number(field := fields[indices[k]]):
-                row[k] = float(field)
-            elif field and names[k] not in columns.MAG:
-                what = f"column {indices[k] + 1}: expected a number or nothing, got {lines.shorten(field)}"
-                raise FileFormatError(f"{what}; correct the line, or skip the column with -", table.path, number)
-    for k in [k for k in slower if names[k] not in columns.MAG and np.isnan(values[:, k]).any()]:
-        empty = np.isnan(values[:, k])
-        if names[k] == "temp" and empty.all():
-            what = f"column {indices[k] + 1}: no row has a number; skip the column with -"
-            raise FileFormatError(what, table.path, table.first)
-        values[empty, k] = -1.0
-        if names[k] == "temp":
-            values[:, k] = np.interp(np.arange(len(values)), np.flatnonzero(~empty), values[~empty, k])
-        how = "it was interpolated" if names[k] == "temp" else "it is not known there"
-        notes.append(f"{int(empty.sum())} rows have no {names[k]}: {how}.")
-    return values, truncated
 
 
 def _dated(opening: Opening, chosen: dict[str, int]) -> int | None:

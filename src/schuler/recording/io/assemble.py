@@ -11,7 +11,7 @@ import numpy as np
 from schuler import files, units
 from schuler.arrays import FloatArray
 from schuler.files import hashed
-from schuler.recording.io import checks, columns, over_ground, own
+from schuler.recording.io import checks, columns, missing_values, over_ground, own
 from schuler.recording.io.bursts import spread_bursts
 from schuler.recording.io.clock import stamps
 from schuler.recording.io.gnss_table import gnss_series, reference_path
@@ -75,8 +75,8 @@ def series_from(
     if others := [name for name in raw.values if name not in columns.BELONGS[series]]:
         raw.notes.append(f"Columns of no use to the {series} series: {', '.join(others)}.")
         raw.values = {name: values for name, values in raw.values.items() if name not in others}
-    if series == "imu":
-        _hold_magnetometer(raw)
+    if series == "imu" or not trusted:
+        missing_values.settle(raw, series)
     _check_finite(raw)
     _to_si(raw, hints, series)
     if headed and not (raw.has(columns.GEODETIC) and over_ground.is_course(raw.values)):
@@ -305,24 +305,6 @@ def _imu(raw: Raw, hints: ReadHints, t: FloatArray, trusted: bool) -> ImuSeries:
         _check_imu(raw, hints, t, triads["accel"], triads["gyro"])
     magnetometer = turned(raw, columns.MAG, axes) if raw.has(columns.MAG) else None
     return ImuSeries(t, triads["gyro"], triads["accel"], hints.kind, raw.values.get("temp"), magnetometer)
-
-
-def _hold_magnetometer(raw: Raw) -> None:
-    """Hold readings of a magnetometer that is sampled more slowly; leave out one without all of its axes."""
-    here = [name for name in columns.MAG if name in raw.values]
-    if not here:
-        return
-    good = np.logical_and.reduce([np.abs(raw.values[name]) <= HUGE for name in here])
-    if len(here) < 3 or not good.any():
-        why = "has not all three axes" if len(here) < 3 else "has no readings"
-        raw.notes.append(f"The magnetometer {why} and is left out.")
-        for name in here:
-            del raw.values[name]
-    elif not good.all():
-        latest = np.maximum.accumulate(np.where(good, np.arange(len(good)), np.argmax(good)))
-        raw.notes.append(f"The magnetometer has readings in {good.sum()} of {len(good)} rows, held in between.")
-        for name in here:
-            raw.values[name] = raw.values[name][latest]
 
 
 def _magnetic_unit(raw: Raw) -> str:

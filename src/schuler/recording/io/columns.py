@@ -119,7 +119,9 @@ _ENDINGS = {
     "knots": "kn", "m": "m", "degc": "degC", "c": "degC", "ut": "uT", "nt": "nT", "gauss": "gauss",
     "mgauss": "mgauss",
 }  # fmt: skip
-_NO_UNITS = re.compile(r"|wgs84|txt|utc|gmt|local|[+-]?\d\d:\d\d|[+-]\d{4}")  # what apps write in brackets besides
+_NO_UNITS = re.compile(
+    r"|wgs84|txt|utc|gmt|local|0?x[\da-f]+|[+-]?\d\d:\d\d|[+-]\d{4}"
+)  # what apps write in brackets besides
 _DEGREES = ("C", "°C", "degC")  # of a T that is a temperature for sure
 _LONGEST = 200  # characters of a name worth looking at
 _HUMP = re.compile(r"([a-z0-9])([A-Z])")

@@ -81,7 +81,8 @@ class ReadHints:
     rest : float, optional
         Length of the stillness at the start used to check gravity; looked for if not given. [s]
     bad_lines : float
-        Largest share of the lines of a text log that may be garbled, below one half: they are left out and counted.
+        Largest share of the lines of a text log that may be garbled, hold no number, repeat a stamp or come late, each,
+        below one half: they are left out, late ones sorted in, and counted.
     allow : str or set of str
         Checks to pass over with a note, see :data:`~schuler.recording.io.hint_texts.ALLOWANCES`.
     variable : str, optional

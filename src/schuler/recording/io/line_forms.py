@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -40,6 +41,7 @@ _SINGLE = ("8", "85", "86")  # of one value: time, pressure, temperature
 _NAMING = re.compile(r"FMT, *\d+|\$COL,")
 _MARKS = " \t,;|:=()[]{}<>-"
 _LOOKED_AT = 200
+_MANY = 20_000  # rows in which the clock that all sensors share is looked for
 _FEWEST, _SHARE = 10, 0.3  # rows of a form, and their share of all, by which it is recognised
 _PAIRED = 0.9  # share of lines with a name before each number
 _MISSING = ("", "nan", "null", "none", "na", "n/a", "-")
@@ -242,14 +244,24 @@ def rows_with_gaps(path: Path) -> Iterator[tuple[str, Row]]:
     for k, name in enumerate(names):
         if names.count(name) > 1:
             names[k] = f"{name}.{k}"
-    times = [k for k, column in enumerate(text_head.columns_of(opening)) if column is not None and column[0] == "t"]
+    times, others = _clocks(opening, groups)
     for _, fields in opening.table.rows():
         if len(fields) != len(names):
             yield "", {}
             continue
-        kept = {k for k, field in enumerate(fields) if field.lower() not in _MISSING}
+        kept = {k for k, field in enumerate(fields) if field.lower() not in _MISSING} - others
         whole = {k for group in groups if _are_filled(fields, group) for k in group}
-        yield ("", {names[k]: fields[k] for k in sorted(kept)}) if whole and set(times) <= kept else ("", {})
+        yield ("", {names[k]: fields[k] for k in sorted(kept)}) if whole and times <= kept else ("", {})
+
+
+def _clocks(opening: text_head.Opening, groups: list[list[int]]) -> tuple[set[int], set[int]]:
+    """Places of the clocks that rows of all sensors have, and of those that are one sensor's own, of no use beside."""
+    times = {k for k, column in enumerate(text_head.columns_of(opening)) if column is not None and column[0] == "t"}
+    everywhere = set(times)
+    for _, fields in itertools.islice(opening.table.rows(), _MANY):
+        if len(fields) == len(opening.fields) and any(_are_filled(fields, group) for group in groups):
+            everywhere = {k for k in everywhere if fields[k].lower() not in _MISSING}
+    return (everywhere, times - everywhere) if everywhere else (times, set())
 
 
 def _rest(row: str) -> tuple[Row, str]:

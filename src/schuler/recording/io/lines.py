@@ -21,7 +21,6 @@ import numpy as np
 
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError
-from schuler.recording.io import dates
 from schuler.recording.io.numbers import Numbers, read_numbers
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
@@ -206,75 +205,22 @@ def load(
     FileFormatError
         With the line of the first fault.
     """
-    if is_large(table):
+    if used and is_large(table):
         numbers = read_numbers(table, n_columns, used)
         if numbers is not None and (whole := _all_or_cut(table, n_columns, used, numbers, allow_truncated)) is not None:
             return numbers.values.T, whole == "cut"
-    values = _fast(table, n_columns, used, None)
+    values = _fast(table, n_columns, used, None) if used else None
     if values is not None:
         return values, False
     count, cut = _check_lines(table.rows(), table, n_columns, used, allow_truncated)
     if count == 0:
         raise FileFormatError("there are no rows of numbers", table.path)
-    values = _fast(table, n_columns, used, count)
+    values = _fast(table, n_columns, used, count) if used else np.empty((count, 0))
     if values is None:
         raise FileFormatError(
             "cannot be read as a table of numbers; check that it is plain text with one delimiter", table.path
         )
     return values, cut
-
-
-def good_rows(
-    table: TextTable, n_columns: int, used: list[int], dated: int | None, share: float
-) -> tuple[list[int], list[list[str]], int]:
-    """Rows of a table some of whose lines are garbled: not as many fields, or no numbers.
-
-    Parameters
-    ----------
-    table : TextTable
-    n_columns : int
-        Fields every line must have.
-    used : list of int
-        Columns of numbers.
-    dated : int or None
-        Column of dates.
-    share : float
-        Largest share of garbled lines.
-
-    Returns
-    -------
-    numbers : list of int
-        Line of each good row.
-    rows : list of list of str
-        Their fields.
-    n_bad : int
-
-    Raises
-    ------
-    FileFormatError
-        With the first garbled line, if there are more of them.
-    """
-    numbers: list[int] = []
-    rows: list[list[str]] = []
-    first, n_bad = None, 0
-    for number, fields in table.rows():
-        fault = _fault(table, fields, n_columns, used)
-        if fault is None and dated is not None and dates.unix_ns([fields[dated]])[2] is not None:
-            fault = f"column {dated + 1}: expected a date, got {shorten(fields[dated], 40)}"
-        if fault is None:
-            numbers.append(number)
-            rows.append(fields)
-        else:
-            n_bad += 1
-            first = first or (number, fault)
-    if first is not None and n_bad > share * (n_bad + len(rows)):
-        raise FileFormatError(
-            f"{n_bad} of {n_bad + len(rows)} lines are garbled, more than bad_lines={share:g} allows; the first: "
-            f"{first[1]}",
-            table.path,
-            first[0],
-        )
-    return numbers, rows, n_bad
 
 
 def load_stamps(
@@ -343,7 +289,7 @@ def _all_or_cut(
         line = next(text)
         fields = table.split(line)
         # quotes may go on over the end of a line
-        if not fields or '"' in line or _fault(table, fields, n_columns, used) is None:
+        if not fields or '"' in line or fault_of(table, fields, n_columns, used) is None:
             return None
         others = ((k, fields) for k, line in enumerate(text, number + 1) if (fields := table.split(line)))
         first = (number, fields)
@@ -410,7 +356,7 @@ def _check_lines(
     for number, fields in rows:
         if fault is not None:
             raise fault
-        message = _fault(table, fields, n_columns, used)
+        message = fault_of(table, fields, n_columns, used)
         if message is None:
             count += 1
         else:
@@ -428,7 +374,8 @@ def _check_lines(
     )
 
 
-def _fault(table: TextTable, fields: list[str], n_columns: int, used: list[int]) -> str | None:
+def fault_of(table: TextTable, fields: list[str], n_columns: int, used: list[int]) -> str | None:
+    """What is wrong with a line of a table, None if its used columns are numbers."""
     if len(fields) != n_columns:
         ending = "; the last one is empty, so lines end in a delimiter: end columns with ',-'" if not fields[-1] else ""
         return (

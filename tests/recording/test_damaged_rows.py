@@ -1,0 +1,131 @@
+"""Rows that a logger damaged: sorted, or left out and counted, up to a stated share; rows of fixes without a place."""
+
+import numpy as np
+import pytest
+
+import schuler
+from schuler.exceptions import FileFormatError
+from schuler.proposal.damage import leave_out_garbled
+from schuler.proposal.files import files_of
+from schuler.recording.io import packed
+from schuler.units import DEG
+
+N = 400
+HEAD = "time [s],ax [m/s^2],ay [m/s^2],az [m/s^2],gx [rad/s],gy [rad/s],gz [rad/s]"
+RNG = np.random.default_rng(8)
+ROWS = [
+    f"{0.01 * k:.2f}," + ",".join(f"{x:.4f}" for x in RNG.normal([0.1, -0.2, -9.8, 0.01, 0.02, 0.03], 0.01))
+    for k in range(N)
+]
+
+
+def written(path, rows, head=HEAD):
+    path.write_text("\n".join([head, *rows]) + "\n")
+    return path
+
+
+def swapped(rows):
+    return [*rows[:50], rows[51], rows[50], *rows[52:90], *rows[91:95], rows[90], *rows[95:]]
+
+
+def repeated(rows):
+    return [*rows[:50], rows[49], *rows[50:]]
+
+
+@pytest.mark.parametrize(
+    ("damage", "sentence"),
+    [(swapped, "2 times a row came after a later one: 7 rows were sorted"), (repeated, "1 rows repeat the time")],
+)
+def test_late_and_repeated_rows_are_mended_where_a_share_is_stated(tmp_path, damage, sentence):
+    clean = schuler.read(written(tmp_path / "clean.csv", ROWS)).need_imu()
+    path = written(tmp_path / "imu.csv", damage(ROWS))
+    with pytest.raises(FileFormatError, match="expected increasing times"):
+        schuler.read(path)
+    log = schuler.read(path, bad_lines=0.01)
+    np.testing.assert_array_equal(log.need_imu().t, clean.t)
+    np.testing.assert_array_equal(log.need_imu().gyro, clean.gyro)
+    assert any(sentence in note for note in log.metadata.notes)
+
+
+def test_rows_without_a_number_are_left_out_and_the_gap_is_said(tmp_path):
+    rows = [*ROWS[:50], "0.50" + ",nan" * 6, *ROWS[51:]]
+    log = schuler.read(written(tmp_path / "imu.csv", rows), bad_lines=0.01)
+    assert len(log.need_imu().t) == N - 1
+    assert any("1 of 400 rows hold no number" in note for note in log.metadata.notes)
+    assert any("1 gap" in note for note in log.metadata.notes)
+
+
+def test_a_second_run_in_the_file_is_not_sorted_in(tmp_path):
+    later = [f"{0.005 + float(row[:4]):.3f}{row[4:]}" for row in ROWS]
+    with pytest.raises(FileFormatError, match="earlier than the row before"):
+        schuler.read(written(tmp_path / "imu.csv", [*ROWS, *later]), bad_lines=0.01)
+    many = [row for k, row in enumerate(ROWS) for _ in range(1 + (k % 50 == 7))]  # 2 %
+    with pytest.raises(FileFormatError, match="repeats the time"):
+        schuler.read(written(tmp_path / "imu.csv", many), bad_lines=0.01)
+
+
+def test_lines_are_named_as_in_the_file_after_rows_were_sorted_and_left_out(tmp_path):
+    rows = repeated(swapped(ROWS))
+    rows[200] = rows[200][:4] + ",0,0,-9.8,0,0,101"
+    with pytest.raises(FileFormatError, match="gyro reaches 101") as error:
+        schuler.read(written(tmp_path / "imu.csv", rows), bad_lines=0.02)
+    assert error.value.line == 202
+
+
+PLACE = [f"{k},{48.7 + 1e-5 * k:.6f},9.1,300.0,2.0,{0 if k else ''}" for k in range(60)]
+
+
+@pytest.mark.parametrize("none", ["0,0,0,0,0", "nan,nan,nan,nan,nan", ",,,,", "48.7,9.1,nan,1,1"])
+def test_fixes_without_a_place_are_none(tmp_path, none):
+    rows = [f"{k},{none}" if k < 7 or k == 30 else row for k, row in enumerate(PLACE)]
+    head = "time [s],lat [deg],lon [deg],alt [m],speed [m/s],course [deg]"
+    log = schuler.read(written(tmp_path / "gps.csv", rows, head), sigma="3,3,5")
+    assert log.need_gnss().t.tolist() == [k for k in range(60) if k >= 7 and k != 30]
+    assert any("8 of 60 rows of fixes have no place" in note for note in log.metadata.notes)
+    rows[40] = "40,95,9.1,300,2,0"
+    with pytest.raises(FileFormatError, match="latitude 95") as error:
+        schuler.read(written(tmp_path / "gps.csv", rows, head), sigma="3,3,5")
+    assert error.value.line == 42
+    with pytest.raises(FileFormatError, match="no row has a number"):
+        schuler.read(written(tmp_path / "gps.csv", [f"{k},nan,nan,nan,nan,nan" for k in range(9)], head))
+
+
+def test_a_folder_with_damaged_rows_is_proposed_with_a_share_and_a_clean_one_without(tmp_path):
+    gps = written(tmp_path / "gps.csv", PLACE, "time [s],lat [deg],lon [deg],alt [m],speed [m/s],course [deg]")
+    written(tmp_path / "imu.csv", ROWS)
+    assert not leave_out_garbled(files_of([tmp_path], {}), {})
+    written(tmp_path / "imu.csv", [*swapped(ROWS)[:-1], ROWS[-1][:20]])
+    files = files_of([tmp_path], {})
+    assert leave_out_garbled(files, {})
+    assert files.entries["imu"]["bad_lines"] == 0.01
+    assert "bad_lines" not in files.entries["gnss"]
+    evidence = next(d.evidence for d in files.decisions if d.entry == "recording.imu.bad_lines")
+    assert "7 rows were sorted" in evidence
+    assert "1 garbled lines of 400" in evidence
+    assert not leave_out_garbled(files_of([tmp_path], {}), {"imu": {"bad_lines": 0.0}})
+    gps.write_text(gps.read_text())
+    written(tmp_path / "imu.csv", [*ROWS, *ROWS])  # two runs: nothing to be left out
+    assert not leave_out_garbled(files_of([tmp_path], {}), {})
+
+
+def test_radians_of_a_place_are_told_from_degrees_in_the_sea(tmp_path):
+    written(tmp_path / "imu.csv", ROWS)
+    rows = [f"{k},{(48.7 + 1e-5 * k) * DEG:.9f},{9.1 * DEG:.9f},300.0" for k in range(60)]
+    written(tmp_path / "gps.csv", rows, "time [s],lat,lon,alt [m]")
+    files = files_of([tmp_path], {})
+    assert files.entries["gnss"]["units"] == "angle=rad"
+    np.testing.assert_allclose(schuler.read(tmp_path, **files.entries).need_gnss().llh[0, 0], 48.7 * DEG, atol=1e-9)
+    written(tmp_path / "gps.csv", [f"{k},{1e-5 * k:.9f},0.001,300.0" for k in range(60)], "time [s],lat,lon,alt [m]")
+    assert "angle" not in files_of([tmp_path], {}).entries["gnss"].get("units", "")  # made up at zero: asked
+
+
+def test_of_two_clocks_the_one_that_all_sensors_rows_have_is_taken(tmp_path):
+    axes = [f"{axis} {name}" for name in ("Accel [x8004]", "Gyro [x8005]") for axis in "XYZ"]
+    head = ",".join(["GPS TOW", "IMU Timestamp [x800E]", *axes, "Lat [x8103]", "Long [x8103]", "Height [x8103]"])
+    imu = [f"{float(row[:4]) + 1e5:.2f},{77 + 625 * k}{row[4:]},,," for k, row in enumerate(ROWS)]
+    fixes = [f"{1e5 + k + 0.005:.3f},,,,,,,,{48.7 + 1e-5 * k:.6f},9.1,300.0" for k in range(4)]
+    rows = [row for k, row in enumerate(imu) for row in ([row] if k % 100 else [row, fixes[k // 100]])]
+    path = written(tmp_path / "log.csv", rows, head)
+    tables = {name: packed.resolved(path / name).read_text().splitlines() for name in packed.tables(path)}
+    assert all(rows[0].startswith("GPS TOW") and "Timestamp" not in rows[0] for rows in tables.values())
+    assert sorted(map(len, tables.values())) == [5, 401]

@@ -20,6 +20,7 @@ import numpy as np
 
 from schuler import rotation
 from schuler.exceptions import SchulerError
+from schuler.recording.io.over_ground import NO_HEIGHT, NO_VERTICAL_RATE
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 from schuler.units import DEG
@@ -102,6 +103,22 @@ def positions_only(read: Read) -> Read:
     return replace(recording, gnss=replace(recording.need_gnss(), v_n=None, cov_v_n=None)), asked, judge
 
 
+def without_heights(read: Read) -> Read:
+    """Fixes with latitude and longitude alone, as tables without a column of heights are read."""
+    recording, asked, judge = read
+    gnss = recording.need_gnss()
+    llh, cov_r_n = gnss.llh.copy(), gnss.cov_r_n.copy()
+    llh[:, 2], cov_r_n[:, 2, :], cov_r_n[:, :, 2] = 0.0, 0.0, 0.0
+    cov_r_n[:, 2, 2] = NO_HEIGHT**2
+    v_n, cov_v_n = gnss.v_n, gnss.cov_v_n
+    if v_n is not None and cov_v_n is not None:
+        v_n, cov_v_n = v_n * [1.0, 1.0, 0.0], cov_v_n.copy()
+        cov_v_n[:, 2, :] = cov_v_n[:, :, 2] = 0.0
+        cov_v_n[:, 2, 2] = NO_VERTICAL_RATE**2
+    changed = replace(gnss, llh=llh, cov_r_n=cov_r_n, v_n=v_n, cov_v_n=cov_v_n)
+    return replace(recording, gnss=changed), asked, judge
+
+
 VARIATIONS: dict[str, tuple[Variation, ...]] = {
     "as recorded": (lambda read: read,),
     "begun in motion": (cut(0.25), cut(0.5), cut(0.75), cut(1.0)),
@@ -111,6 +128,7 @@ VARIATIONS: dict[str, tuple[Variation, ...]] = {
     "half and third of the rate": (slower(2, True), slower(3, False)),
     "fixes at 0.5 and 0.2 Hz": (fewer(0.5), fewer(0.2)),
     "positions only": (positions_only,),
+    "without heights": (without_heights,),
 }  # fmt: skip
 
 

@@ -3,12 +3,12 @@
 import warnings
 
 import app_logs
+import numpy as np
 import pytest
 from benchmarks import loggers
 
 import schuler
 from schuler.proposal import files
-from schuler.proposal.decision import UndecidedError
 
 
 @pytest.mark.campaign
@@ -35,9 +35,17 @@ def test_whole_numbers_of_a_receiver_are_told_by_latitudes_that_no_place_has(tmp
     assert "scale" not in files.files_of([tmp_path], {}).entries["gnss"]
 
 
-def test_places_without_heights_are_no_fixes_and_it_is_said(tmp_path):
-    head = "time (s),gFx (g),gFy (g),gFz (g),wx (rad/s),wy (rad/s),wz (rad/s),Latitude,Longitude\n"
-    rows = "".join(f"{k / 50:.2f},0.0,{k % 3}e-3,-1.0,1e-3,{k % 5}e-3,0.0,48.7,9.1\n" for k in range(1500))
-    (tmp_path / "log.csv").write_text(head + rows)
-    with pytest.raises(UndecidedError, match="stand beside the IMU's columns, but no heights"):
-        schuler.propose(tmp_path, imu=loggers.IMU)
+def test_places_without_heights_are_fixes_and_those_of_another_file_with_heights_come_first(tmp_path):
+    head = "time (s),gFx (g),gFy (g),gFz (g),wx (rad/s),wy (rad/s),wz (rad/s)"
+    rows = [f"{k / 50:.2f},0.0,{k % 3}e-3,-1.0,1e-3,{k % 5}e-3,0.0" for k in range(1500)]
+    (tmp_path / "log.csv").write_text("\n".join([head, *rows]) + "\n")
+    places = [f"{k},{48.7 + 1e-5 * k:.5f},9.1" for k in range(30)]
+    (tmp_path / "a.csv").write_text("\n".join(["time (s),Latitude,Longitude", *places]) + "\n")
+    proposed = files.files_of([tmp_path], {})
+    assert proposed.entries["gnss"]["file"] == "a.csv"
+    fixes = schuler.read(tmp_path, **proposed.entries).need_gnss()
+    np.testing.assert_array_equal(fixes.cov_r_n[:, 2, 2], 1e6)
+    (tmp_path / "b.csv").write_text(
+        "\n".join(["time (s),Latitude,Longitude,Altitude", *(f"{row},300.0" for row in places)]) + "\n"
+    )
+    assert files.files_of([tmp_path], {}).entries["gnss"]["file"] == "b.csv"

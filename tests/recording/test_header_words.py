@@ -120,15 +120,17 @@ def test_a_temperature_of_no_known_unit_is_left_out_and_said(tmp_path):
     assert any("temperature was left out" in note and "T(°)" in note for note in recording.metadata.notes)
 
 
-def test_an_imu_beside_places_without_heights_is_read_alone_and_said(tmp_path):
+def test_places_without_heights_are_fixes_whose_height_says_nothing(tmp_path):
     log = tmp_path / "log.csv"
     head = "time (s),gFx (g),gFy (g),gFz (g),wx (rad/s),wy (rad/s),wz (rad/s),Latitude,Longitude,Speed (m/s)\n"
-    log.write_text(head + "".join(f"{k / 50:.2f},0,0,-1.0,0,0,0,48.7,9.1,0.0\n" for k in range(50)))
-    recording = read(log)
-    assert recording.gnss is None
-    assert any("no height stands beside" in note for note in recording.metadata.notes)
-    with pytest.raises(InputError, match="h is missing"):
-        read(log, series="gnss", sigma="3,3,5")
+    rows = "".join(f"{k / 50:.2f},0,0,-1.0,0,0,0,{48.7 + 1e-5 * (k // 10):.5f},9.1,0.0\n" for k in range(50))
+    log.write_text(head + rows)
+    recording = read(log, sigma="3,3,5")
+    assert any("no height beside latitude and longitude" in note for note in recording.metadata.notes)
+    np.testing.assert_array_equal(recording.need_gnss().llh[:, 2], 0.0)
+    np.testing.assert_array_equal(recording.need_gnss().cov_r_n, np.tile(np.diag([9.0, 9.0, 1e6]), (5, 1, 1)))
+    with pytest.raises(InputError, match="no column is a height"):
+        read(log, sigma="3,3,5", height="ellipsoidal")
 
 
 def test_units_among_the_words_of_a_sensor():

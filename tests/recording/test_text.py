@@ -540,8 +540,8 @@ def test_impossible_fixes_are_named_by_their_line(table, fixes, column, value, m
 
 
 def test_gnss_tables_with_too_little_are_explained(table, fixes):
-    with pytest.raises(FileFormatError, match="a position needs lat, lon and h, but h is missing"):
-        read(table(fixes[:, :3], header="t,lat,lon"))
+    with pytest.raises(FileFormatError, match="a position needs lat, lon and h, but lon is missing"):
+        read(table(fixes[:, [0, 1, 3]], header="t,lat,h"), sigma="1,1,1")
     with pytest.raises(FileFormatError, match="a velocity needs vn and ve"):
         read(table(fixes[:, :5], header="t,lat,lon,h,vn"), sigma="1,1,1,1,1,1")
     radians = np.column_stack((fixes[:, 0], np.deg2rad(fixes[:, 1:3]), fixes[:, 3]))

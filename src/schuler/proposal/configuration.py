@@ -344,8 +344,6 @@ def _read(files: Files) -> Recording:
 def _without_fixes(files: Files, recording: Recording) -> UndecidedError:
     """Question what a log without fixes is navigated from; the truth, if it has one, is taken only as the user says."""
     nothing = f"{files.log}: there are no fixes and no satellite measurements"
-    if any("gnss: no height" in note for note in recording.metadata.notes):
-        nothing += " (latitudes and longitudes stand beside the IMU's columns, but no heights)"
     label = "recording.reference" if files.by_part else "recording"
     place: dict[str, Any] = {}
     if recording.reference is None:

@@ -14,6 +14,7 @@ from schuler.exceptions import SchulerError
 from schuler.proposal.decision import Decision, UndecidedError
 from schuler.recording.io import dispatch, packed
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.over_ground import NO_HEIGHT
 from schuler.recording.series import GnssSeries
 
 _RECEIVER = re.compile(r"gps|gnss", re.IGNORECASE)  # others may be a filter's positions
@@ -58,8 +59,11 @@ def chosen(
         claims = {name: np.inf if g is None else _claim(g) for name, g in fixes.items()}
         best, second = sorted(rivals, key=lambda f: claims[f[1]])[:2]
         receivers = [f for f in rivals if _RECEIVER.search(f[1].rpartition("/")[2])]
+        high = [f for f in rivals if (g := fixes[f[1]]) is not None and g.cov_r_n[:, 2, 2].max() < NO_HEIGHT**2]
         if len(receivers) == 1:
             best, why = receivers[0], "it is a receiver's by its name"
+        elif len(high) == 1:
+            best, why = high[0], "it alone has heights"
         elif claims[best[1]] < 0.5 * claims[second[1]]:
             why = f"its fixes claim {claims[best[1]]:.2g} m, those of the others {claims[second[1]]:.2g} m and more"
         elif len(rivals) == 2 and _agree(fixes[best[1]], fixes[second[1]], claims[second[1]]):

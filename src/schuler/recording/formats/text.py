@@ -26,7 +26,6 @@ from schuler.recording.recording import Recording
 OWN_MARK = "# schuler {"
 OWN_FAMILY = "schuler/csv"
 OWN_FORMAT = f"{OWN_FAMILY}/2"
-_NO_HEIGHT = "gnss: no height stands beside the latitudes and longitudes, so that they are no fixes."
 _ONE_CLOCK = "are taken to run on one clock of unknown epoch."
 
 
@@ -72,8 +71,6 @@ def tables(opening: Opening, hints: ReadHints) -> list[tuple[Raw, ReadHints]]:
     """
     names = _layout(opening, hints)[0]
     held = _several(columns.series_of(names)) if hints.series is None else ()
-    if "gnss" in held and "h" not in names:
-        held = ("imu",)
     return [(_load(opening, own), own) for own in ([replace(hints, series=name) for name in held] or [hints])]
 
 
@@ -112,7 +109,7 @@ def recognised_series(path: Path) -> tuple[str, ...]:
     series = columns.series_of(names)
     complete = {
         "imu": {*columns.ACCEL, *columns.GYRO},
-        "gnss": set(columns.GEODETIC),
+        "gnss": {"lat", "lon"},
         "odometer": {"speed"},
         # a column of heights alone may be anything; one with its accuracy is meant to be used
         "heading": {"heading", "sheading"},
@@ -123,14 +120,12 @@ def recognised_series(path: Path) -> tuple[str, ...]:
     whole = tuple(name for name in held if complete[name] <= set(names))
     if whole[:1] != held[:1] or (whole == ("reference",) and not is_in_space(opening)):
         return ()
-    return whole  # an IMU beside places without a height is one
+    return whole
 
 
 def _load(opening: Opening, hints: ReadHints) -> Raw:
     names, indices, stated, notes, negated = _layout(opening, hints)
     n_columns, beside = len(opening.fields), bool(_several(columns.series_of(names)))
-    if beside and hints.series == "imu" and "lat" in names and "h" not in names:
-        notes.append(_NO_HEIGHT)
     if beside and hints.series is not None:
         of_it = columns.BELONGS[hints.series] | ({"heading"} if hints.series == "gnss" else set())
         own = [k for k, name in enumerate(names) if name in of_it]

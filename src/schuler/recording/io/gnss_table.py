@@ -38,9 +38,15 @@ def gnss_series(raw: Raw, hints: ReadHints, t: FloatArray) -> GnssSeries:
     FileFormatError
         For impossible positions and qualities, and for accuracies that are missing or not positive.
     """
+    no_height = raw.has(("lat", "lon")) and "h" not in raw.values
+    if no_height:
+        _without_heights(raw, hints)
     llh = _geodetic(raw, hints)
     v_n, cov_v_n = None, None
     cov_r_n = _covariance(raw, hints, columns.SIGMA, columns.CROSS, 0)
+    if no_height:
+        cov_r_n[:, 2, :] = cov_r_n[:, :, 2] = 0.0
+        cov_r_n[:, 2, 2] = over_ground.NO_HEIGHT**2
     if _over_ground(raw, hints, t, llh):
         hints = replace(hints, sigma=None)  # what it says of velocity is in them
     level = raw.has(columns.VELOCITY[:2]) and "vd" not in raw.values
@@ -71,6 +77,20 @@ def gnss_series(raw: Raw, hints: ReadHints, t: FloatArray) -> GnssSeries:
             raise raw.fault(f"expected a quality q of {meanings}, got {quality[bad[0]]}: skip the column", int(bad[0]))
     dop = stated_dilution(*(raw.values.get(name) for name in columns.DILUTION))
     return GnssSeries(t, llh, cov_r_n, v_n, cov_v_n, quality, _integers(raw, "ns"), raw.values.get("received"), dop)
+
+
+def _without_heights(raw: Raw, hints: ReadHints) -> None:
+    """Heights of zero for latitudes and longitudes alone; their 1-sigma keeps them from saying anything."""
+    if hints.height is not None:
+        raise raw.fault(f"height={hints.height!r}, but no column is a height: name it with columns='...,h=Altitude'")
+    raw.values["h"] = np.zeros(len(raw.values["lat"]))
+    raw.ellipsoidal = True
+    if raw.has(columns.SIGMA[:2]):
+        raw.values["sd"] = np.full(len(raw.values["lat"]), over_ground.NO_HEIGHT)
+    raw.notes.append(
+        "There is no height beside latitude and longitude: it is zero with a 1-sigma of "
+        f"{over_ground.NO_HEIGHT:g} m, and heights of the solution mean nothing (columns='...,h=Altitude' names one)."
+    )
 
 
 def _over_ground(raw: Raw, hints: ReadHints, t: FloatArray, llh: FloatArray) -> bool:

@@ -10,6 +10,8 @@ from schuler import earth
 from schuler.arrays import FloatArray
 from schuler.units import DEG
 
+#: 1-sigma of the heights of fixes that have none. [m]
+NO_HEIGHT = 1000.0
 #: 1-sigma of the vertical velocity of a vehicle or a walker whose log has none. [m/s]
 NO_VERTICAL_RATE = 10.0
 #: 1-sigma of a velocity that is missing at single fixes. [m/s]

@@ -14,7 +14,7 @@ from schuler import units
 from schuler.exceptions import FileFormatError
 from schuler.recording.io import clock, columns, dates, lines, parts
 from schuler.recording.io.hints import ReadHints
-from schuler.recording.io.over_ground import velocities
+from schuler.recording.io.over_ground import NO_HEIGHT, velocities
 from schuler.recording.io.parts import Table
 from schuler.recording.recording import Recording
 
@@ -22,7 +22,6 @@ HINTS = parts.GNSS_HINTS
 # 1-sigma of a range, which HDOP and VDOP multiply: of a phone or a hand-held receiver, and differential [m]
 _RANGE_ERROR, _DIFFERENTIAL = 5.0, 2.0
 _VERTICAL = 1.5  # VDOP over HDOP, typical of an open sky
-_NO_HEIGHT = 1000.0  # 1-sigma where a track has no heights [m]
 
 
 @dataclass(slots=True)
@@ -160,9 +159,9 @@ def recording_of(path: Path, points: list[Point], hints: ReadHints, what: str) -
             f"have, {np.median(horizontal):.2g} m north and east (hint sigma replaces it)."
         )
     if no_height:
-        values["sd" if hints.sigmas is None else "h"] = np.full_like(lat, _NO_HEIGHT if hints.sigmas is None else 0.0)
+        values["sd" if hints.sigmas is None else "h"] = np.full_like(lat, NO_HEIGHT if hints.sigmas is None else 0.0)
         notes.append("Points without a height: heights are zero" + (
-            f" with a 1-sigma of {_NO_HEIGHT:g} m." if hints.sigmas is None else "."
+            f" with a 1-sigma of {NO_HEIGHT:g} m." if hints.sigmas is None else "."
         ))  # fmt: skip
     values |= dict(zip(columns.DILUTION, rows[5:7], strict=True))
     if np.isfinite(rows[3]).any():

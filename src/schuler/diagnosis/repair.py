@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -66,7 +65,7 @@ def _without_missing(raw: Raw) -> list[Finding]:
         bad |= wrong
     if not bad.any():
         return []
-    _keep(raw, ~bad)
+    raw.keep(np.flatnonzero(~bad))
     text_ = f"{int(bad.sum())} rows hold values that are no numbers ({', '.join(where)}); they were left out here"
     evidence = {"rows": int(bad.sum()), "columns": where}
     return [Finding("missing", "error", text_, 1.0, "fill or delete these rows", evidence)]
@@ -88,7 +87,7 @@ def _in_order(raw: Raw, unit: float) -> list[Finding]:
         evidence = {"times": len(back), "at_s": float(unit * t[k]), "by_s": float(-unit * step[k])}
         findings.append(Finding("backward_times", "error", text_, 1.0, "sort the log, or cut it there", evidence))
     order = np.argsort(t, kind="stable")
-    _keep(raw, order)
+    raw.keep(order)
     t = raw.values["t"]
     first = np.concatenate(([True], np.diff(t) > 0.0))
     again = int(np.count_nonzero(~first))
@@ -103,12 +102,8 @@ def _in_order(raw: Raw, unit: float) -> list[Finding]:
         )
         fix = "delete the repeated rows; or leave the stamps out and say rate=..."
         findings.append(Finding("duplicates", "error", text_, 1.0, fix, {"rows": same, "at_s": float(unit * t[k])}))
-    _keep(raw, first)
+    raw.keep(np.flatnonzero(first))
     return findings
-
-
-def _keep(raw: Raw, rows: Any) -> None:
-    raw.values = {name: values[rows] for name, values in raw.values.items()}
 
 
 def _repaired_pos(path: Path, hints: ReadHints) -> tuple[Recording, list[Finding]]:

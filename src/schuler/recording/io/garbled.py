@@ -7,7 +7,6 @@ import numpy as np
 from schuler.arrays import BoolArray
 from schuler.exceptions import FileFormatError
 from schuler.recording.io import columns, dates, lines
-from schuler.recording.io.missing_values import keep_rows
 from schuler.recording.io.raw import HUGE, Raw
 
 _NEAR = 100  # rows by which one may be late; one of another run or after the end of a counter is later
@@ -99,7 +98,7 @@ def put_in_order(raw: Raw, share: float) -> None:
     """
     needed, bad = _without_number(raw)
     if 0 < bad.sum() <= share * len(bad):
-        keep_rows(raw, ~bad)
+        raw.keep(np.flatnonzero(~bad))
         raw.notes.append(f"{int(bad.sum())} of {len(bad)} rows hold no number ({', '.join(needed)}): left out.")
     if "t" not in raw.values:
         return
@@ -108,11 +107,9 @@ def put_in_order(raw: Raw, share: float) -> None:
     moved = order != np.arange(len(order))
     late = int((np.diff(t) < 0.0).sum())
     if late and late <= share * len(t) and np.abs(order - np.arange(len(order))).max() <= _NEAR:
-        line_of = raw.line_of
-        raw.values = {name: values[order] for name, values in raw.values.items()}
-        raw.line_of = lambda row: line_of(int(order[row]))
+        raw.keep(order)
         raw.notes.append(f"{late} times a row came after a later one: {int(moved.sum())} rows were sorted by time.")
     again = np.concatenate(([False], np.diff(raw.values["t"]) == 0.0))
     if 0 < again.sum() <= share * len(again):
-        keep_rows(raw, ~again)
+        raw.keep(np.flatnonzero(~again))
         raw.notes.append(f"{int(again.sum())} rows repeat the time of the row before and were left out.")

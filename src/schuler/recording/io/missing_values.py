@@ -85,19 +85,6 @@ def settle(raw: Raw, series: str) -> None:
         _without_place(raw)
 
 
-def keep_rows(raw: Raw, kept: BoolArray) -> None:
-    """Leave out rows; errors name the lines of those that are left.
-
-    Parameters
-    ----------
-    raw : Raw
-    kept : ndarray of bool, shape (n,)
-    """
-    rows, line_of = np.flatnonzero(kept), raw.line_of
-    raw.values = {name: values[rows] for name, values in raw.values.items()}
-    raw.line_of = lambda row: line_of(int(rows[row]))
-
-
 def _without_place(raw: Raw) -> None:
     """Leave out fixes whose place is no number, or zero in latitude and longitude where the others are elsewhere."""
     here = [name for name in (*columns.GEODETIC, *columns.LOCAL, *columns.ECEF) if name in raw.values]
@@ -114,7 +101,7 @@ def _without_place(raw: Raw) -> None:
         return
     if nowhere.all():
         raise raw.fault(f"no row has a number in all of {', '.join(here)}: there is no fix in it")
-    keep_rows(raw, ~nowhere)
+    raw.keep(np.flatnonzero(~nowhere))
     count = int(nowhere.sum())
     raw.notes.append(f"{count} of {len(nowhere)} rows of fixes have no place ({', '.join(here)}) and were left out.")
 

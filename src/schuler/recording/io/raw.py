@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from schuler.arrays import FloatArray
+from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError
 from schuler.timebase import TimeBase
 
@@ -64,6 +64,12 @@ class Raw:
     def has(self, names: Iterable[str]) -> bool:
         """Whether all of these columns are there."""
         return all(name in self.values for name in names)
+
+    def keep(self, rows: IntArray) -> None:
+        """Keep rows, in the order given; errors name their lines."""
+        line_of = self.line_of
+        self.values = {name: values[rows] for name, values in self.values.items()}
+        self.line_of = lambda row: line_of(int(rows[row]))
 
     def stack(self, names: tuple[str, ...]) -> FloatArray:
         """Columns side by side; the array they are the columns of, if that is so. Shape (n, k)."""

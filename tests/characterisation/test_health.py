@@ -228,12 +228,13 @@ COLOURS = {
 }
 
 
-def test_clean_logs_draw_no_more_findings_than_stated():
-    """200 logs of six colours, half of them rounded; four kinds of test at 1 % each."""
+@pytest.mark.parametrize("runs", [72, pytest.param(200, marks=pytest.mark.campaign)])
+def test_clean_logs_draw_no_more_findings_than_stated(runs):
+    """Logs of six colours, half of them rounded; four kinds of test at 1 % each."""
     rng = np.random.default_rng(100)
     counts = dict.fromkeys(("motion", "outliers", "step", "stuck"), 0)
     others = 0
-    for k in range(200):
+    for k in range(runs):
         model = list(COLOURS.values())[k % len(COLOURS)]
         x = model.sample(10_000, 0.1, rng)
         if k % 2:
@@ -244,7 +245,7 @@ def test_clean_logs_draw_no_more_findings_than_stated():
             else:
                 others += code not in ("too_short",)
     # statistical: a count beyond this happens once in a thousand with the stated probability
-    allowed = binom.isf(1e-3, 200, FALSE_ALARM)
+    allowed = binom.isf(1e-3, runs, FALSE_ALARM)
     assert max(counts.values()) <= allowed, counts
     assert others == 0
 
@@ -333,7 +334,7 @@ def test_wrong_arguments_are_named(x, options, match):
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize("unit", [1, 2])
+@pytest.mark.parametrize("unit", [pytest.param(1, marks=pytest.mark.campaign), 2])
 def test_adis16405_at_rest(shared_data, unit):
     """The gyros are clean for 2.8 h; the accelerometers show bumps, outliers of 8 to 17 sigma, shifts of 2 mg."""
     archive = np.load(shared_data / "adis16405_static" / f"adis16405_imu{unit}.npz")

@@ -24,7 +24,7 @@ def variances(process: Process, n: int, runs: int, seed: int = 1) -> np.ndarray:
 
 @pytest.mark.thinned(3)
 @pytest.mark.parametrize(
-    "process", [White(1.0), RandomWalk(0.3), GaussMarkov(1.0, 3.0), White(1.0) + Flicker(0.5)], ids=str
+    "process", [White(1.0), GaussMarkov(1.0, 3.0), White(1.0) + Flicker(0.5), RandomWalk(0.3)], ids=str
 )
 def test_degrees_of_freedom_are_those_of_simulated_logs(process):
     """Statistical: an edf from 1500 variances is good to 2 / sqrt(1500) = 5 % for many degrees of freedom; heavier

@@ -42,6 +42,7 @@ def injected(x, kind, rng, share=0.05):
     return y, where
 
 
+@pytest.mark.thinned(5)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("model", MODELS)
 def test_the_allan_deviation_of_what_is_left_is_the_clean_one(model, kind):

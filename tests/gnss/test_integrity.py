@@ -145,7 +145,7 @@ def test_max_faults_is_a_limit():
 # ------------------------------------------------------------------------------------------ Monte Carlo
 
 
-@pytest.mark.parametrize("false_alarm", [0.05, 0.01])
+@pytest.mark.parametrize("false_alarm", [0.05, pytest.param(0.01, marks=pytest.mark.campaign)])
 def test_false_alarms_are_as_many_as_asked(false_alarm):
     n = 6000
     s, _ = campaign(n, 11)
@@ -155,11 +155,12 @@ def test_false_alarms_are_as_many_as_asked(false_alarm):
         assert abs(rate - false_alarm) < 4.0 * binomial_se(false_alarm, len(status))
 
 
+@pytest.mark.parametrize("runs", [1000, pytest.param(3000, marks=pytest.mark.campaign)])
 @pytest.mark.thinned(3)
 @pytest.mark.parametrize("bias", [8.0, 15.0, 25.0])
-def test_the_power_is_that_of_the_noncentral_chi_square(bias):
+def test_the_power_is_that_of_the_noncentral_chi_square(bias, runs):
     """Each epoch has its own geometry, so the detections are a sum of unequal Bernoulli draws."""
-    n, false_alarm = 3000, 1e-2
+    n, false_alarm = runs, 1e-2
     s, r = campaign(n, 12)
     rows = pick(s, np.random.default_rng(1))[:, 0]
     points = solve_points(with_fault(s, rows, bias), integrity=Integrity(false_alarm=false_alarm, max_faults=0))
@@ -176,7 +177,7 @@ def test_the_power_is_that_of_the_noncentral_chi_square(bias):
     assert abs(np.mean(points.status == 5) - expected.mean()) < 4.0 * se
 
 
-@pytest.mark.parametrize(("bias", "least"), [(20.0, 0.97), (50.0, 0.99)])
+@pytest.mark.parametrize(("bias", "least"), [(20.0, 0.97), pytest.param(50.0, 0.99, marks=pytest.mark.campaign)])
 def test_faults_of_20_to_50_m_are_detected_and_the_right_satellite_goes(bias, least):
     """1 m ranges of 10 satellites; what remains is as accurate as it says."""
     n = 1500

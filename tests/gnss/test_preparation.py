@@ -193,6 +193,7 @@ def test_only_glonass_has_a_clock_of_its_own(sky, plain):
     assert set(r.group[r.used]) == {0}
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("doppler", [True, False])
 @pytest.mark.parametrize("direction", [1, -1])
 def test_milliseconds_are_found_and_taken_out(sky, direction, doppler):

@@ -127,12 +127,13 @@ def test_moving_platform_errs_across_its_acceleration():
     assert_allclose(moving.sigma["heading"], still.sigma["heading"], rtol=1e-9)
 
 
+@pytest.mark.parametrize("runs", [500, pytest.param(1500, marks=pytest.mark.campaign)])
 @pytest.mark.parametrize("grade", ["consumer", "tactical"])
 @pytest.mark.thinned(2)
-def test_six_sensors_at_rest(grade):
-    """Flenniken, chapter 5: closed form and its own Monte Carlo; 1500 runs, four standard errors and 1 %."""
-    with_g = spatial_bounds(spec(f"flenniken-{grade}"), 60.0, rate_hz=10.0, runs=1500, seed=9)
-    without = spatial_bounds(spec(f"flenniken-{grade}"), 60.0, rate_hz=10.0, runs=1500, seed=9, gravity=0.0)
+def test_six_sensors_at_rest(grade, runs):
+    """Flenniken, chapter 5: closed form and its own Monte Carlo; four standard errors and 1 %."""
+    with_g = spatial_bounds(spec(f"flenniken-{grade}"), 60.0, rate_hz=10.0, runs=runs, seed=9)
+    without = spatial_bounds(spec(f"flenniken-{grade}"), 60.0, rate_hz=10.0, runs=runs, seed=9, gravity=0.0)
     tolerance = 4.0 * with_g.uncertainty + 0.02
     exact = growth(spec(f"flenniken-{grade}"), [60.0])
     flat = growth(spec(f"flenniken-{grade}"), [60.0], gravity=0.0)

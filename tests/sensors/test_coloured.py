@@ -29,15 +29,16 @@ def test_it_is_the_process_whose_density_it_has(process):
     np.testing.assert_array_equal(coloured.psd([26.0]), 0.0)
 
 
-def test_samples_have_the_covariance():
-    """Statistical, 4.5 standard errors of 2000 series; odd and even lengths."""
+@pytest.mark.parametrize("runs", [500, pytest.param(2000, marks=pytest.mark.campaign)])
+def test_samples_have_the_covariance(runs):
+    """Statistical, 4.5 standard errors of so many series; odd and even lengths."""
     coloured = like(GaussMarkov(1.2, 0.4))
     for n in (30, 31):
-        x = coloured.sample((n, 2000), 1.0 / RATE, np.random.default_rng(4))
+        x = coloured.sample((n, runs), 1.0 / RATE, np.random.default_rng(4))
         C = coloured.autocovariance(np.arange(n) / RATE)
         for lag in (0, 1, 10, n - 1):
             product = (x[lag:] * x[: n - lag]).mean(axis=0)
-            error = product.std() / np.sqrt(2000)
+            error = product.std() / np.sqrt(runs)
             assert abs(product.mean() - C[lag]) < 4.5 * error
     np.testing.assert_allclose(C[:3], GaussMarkov(1.2, 0.4).autocovariance(np.arange(3) / RATE), rtol=5e-3)
 

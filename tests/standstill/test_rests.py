@@ -124,6 +124,7 @@ def test_a_large_bias_is_no_rotation():
 # ----------------------------------------------------------------------------------------------- slow rotation
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("about", ["vertical", "horizontal"])
 @pytest.mark.parametrize(
     ("grade", "rate"),

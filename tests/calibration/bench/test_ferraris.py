@@ -117,6 +117,7 @@ def test_increments_are_taken():
     np.testing.assert_allclose(result.values, vector(errors), atol=1e-11)
 
 
+@pytest.mark.parametrize("runs", [40, pytest.param(120, marks=pytest.mark.campaign)])
 @pytest.mark.thinned(6)
 @pytest.mark.parametrize(
     "options",
@@ -130,7 +131,7 @@ def test_increments_are_taken():
     ],
     ids=lambda o: " ".join(f"{k}={v}" for k, v in o.items()),
 )
-def test_predicted_covariance_is_the_scatter(options, rng):
+def test_predicted_covariance_is_the_scatter(options, rng, runs):
     """Statistical: chi-square sum within 4 sigma; mean square and mean of each parameter over sigma within 4.5."""
     free = options.get("g_sensitivity", True)
     errors = unit(size=0.003, families=("b_a", "M_a", "b_g", "M_g", *(("G_g",) if free else ())))
@@ -138,7 +139,7 @@ def test_predicted_covariance_is_the_scatter(options, rng):
     # the closed form is unbiased for poses of one length only
     sizes = (400, 500)
     d, z, total = [], [], 0.0
-    for _ in range(120):
+    for _ in range(runs):
         lat = np.arcsin(rng.uniform(-1.0, 1.0)) if options["latitude"] is None else options["latitude"]
         imu, sections = session(errors, lat, rng, noise, sizes)
         if options.get("estimator"):

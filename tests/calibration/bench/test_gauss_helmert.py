@@ -206,20 +206,21 @@ def test_a_prior_is_one_more_observation(rng):
 # ------------------------------------------------------------------------------------------------ statistics
 
 
+@pytest.mark.parametrize("runs", [100, pytest.param(300, marks=pytest.mark.campaign)])
 @pytest.mark.thinned(3)
 @pytest.mark.parametrize(
     ("rho", "x", "sigma"), [(G, ACCEL, 2.733e-4), (1e4 * W, GYRO, 2.71e-6)], ids=["accelerometer", "fast table"]
 )
-def test_predicted_covariance_is_the_scatter(rng, rho, x, sigma):
+def test_predicted_covariance_is_the_scatter(rng, rho, x, sigma, runs):
     """Statistical: normalised errors squared are chi-square with 9 degrees of freedom, weighted residuals with 17."""
     nees, weight = [], []
-    for _ in range(300):
+    for _ in range(runs):
         Y = readings(scattered(rng), rho, x) + sigma * rng.standard_normal((26, 3))
         fit = adjust(Y, sigma, rho)
         error = fit.values - x
         nees.append(error @ np.linalg.solve(fit.cofactor, error))
         weight.append(fit.chi_square)
-    low, high = chi2.ppf((0.001, 0.999), 9 * 300)
+    low, high = chi2.ppf((0.001, 0.999), 9 * runs)
     assert low < np.sum(nees) < high
     assert kstest(nees, chi2(9).cdf).pvalue > 0.001
     assert kstest(weight, chi2(17).cdf).pvalue > 0.001

@@ -28,7 +28,7 @@ def table(f=None, omega=None):
 
 
 @pytest.mark.parametrize("n", [6, 14, 20])
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(3)
 def test_claims_hold_without_a_stated_noise(n):
     """Statistical: 95 % of 40 tables within 1.96 sigma, four standard errors of 12 correlated parameters below."""
     rng, inside = np.random.default_rng(3), []

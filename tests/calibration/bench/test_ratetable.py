@@ -207,6 +207,7 @@ def assert_covariance(results, truth):
     assert np.abs(z.mean(axis=0)).max() < 4.5 / np.sqrt(len(results))
 
 
+@pytest.mark.parametrize("runs", [50, pytest.param(150, marks=pytest.mark.campaign)])
 @pytest.mark.thinned(4)
 @pytest.mark.parametrize(
     "options",
@@ -218,10 +219,10 @@ def assert_covariance(results, truth):
     ],
     ids=lambda o: " ".join(f"{k}={v}" for k, v in o.items()),
 )
-def test_predicted_covariance_is_the_scatter(options, rng):
+def test_predicted_covariance_is_the_scatter(options, rng, runs):
     errors = unit(size=0.001)
     results = []
-    for _ in range(150):
+    for _ in range(runs):
         lat = LAT if options["latitude"] is not None else np.arcsin(rng.uniform(-1.0, 1.0))
         headings = rng.uniform(-np.pi, np.pi, 6)
         tilt = options.get("axis_sigma", 0.0) * rng.standard_normal((3, 3))  # the same for both ways about an axis

@@ -325,7 +325,7 @@ def test_a_gyroscope_off_by_20_degrees_a_second():
 
 
 def test_it_stops_and_stays_stopped():
-    guide, hand, messages = deepcopy(led_automotive(2))
+    guide, hand, messages = deepcopy(led_automotive())
     assert messages[-1].done
     later = [guide.imu(*hand.rest(0.5)) for _ in range(60)]
     assert any(a is not None for a in later)
@@ -579,6 +579,7 @@ def test_the_calibration_so_far_is_that_of_the_log():
     np.testing.assert_array_equal(again.calibration.values, calibrated_automotive().calibration.values)
 
 
+@pytest.mark.campaign
 def test_documented_example_runs():
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)
     assert blocks

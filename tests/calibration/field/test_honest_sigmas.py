@@ -85,6 +85,7 @@ def test_noise_is_not_enlarged_if_not_wanted():
     assert off.variance_of_unit_weight > 1.05
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("runs", [6, pytest.param(40, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "models",

@@ -180,7 +180,7 @@ def test_position_follows_the_hand_and_the_lever():
 @pytest.mark.parametrize(
     "motion",
     [
-        RoutineMotion(thesis_routine(), LLH, (0.1, 0.05, -0.1)),
+        pytest.param(RoutineMotion(thesis_routine(), LLH, (0.1, 0.05, -0.1)), marks=pytest.mark.campaign),
         RoutineMotion(free_routine(np.random.default_rng(4), poses=16, hand_m=0.3), LLH, (0.05, -0.1, 0.03)),
     ],
     ids=["thesis", "free"],

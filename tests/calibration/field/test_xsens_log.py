@@ -110,8 +110,7 @@ def test_what_the_log_says_of_its_noise(solution):
         "heading told", "gyro noise doubled", "biases that walk", "hardly known", "blocks", "no Earth rate", "not held",
     ],
 )  # fmt: skip
-@pytest.mark.thinned(3)
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(4)
 def test_it_does_not_depend_on_what_is_chosen(bench, solution, change):
     """Within 1.5 sigma of the same log's result with other settings. Statistical in part: they weigh readings anew.
 

@@ -259,10 +259,11 @@ def check_campaign(runs, options, z_limit):
     assert (np.abs(z.mean(axis=0)) < 4.5 / np.sqrt(runs)).all()  # no bias
 
 
+@pytest.mark.parametrize("runs", [20, pytest.param(60, marks=pytest.mark.campaign)])
 @pytest.mark.thinned(4)
 @pytest.mark.parametrize("options", OPTIONS)
-def test_covariance_is_the_scatter(options):
-    check_campaign(60, options, 4.0)
+def test_covariance_is_the_scatter(options, runs):
+    check_campaign(runs, options, 4.0)
 
 
 @pytest.mark.slow

@@ -108,6 +108,7 @@ def test_a_log_that_starts_in_motion_is_levelled_in_motion():
     assert errors.rms_horizontal < 1.2
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("seed", range(6))
 def test_alignment_errors_are_as_claimed(seed):
     r = drive(seed=seed)

@@ -185,6 +185,7 @@ def test_interruption_keeps_the_rows_that_were_finished(town, config, monkeypatc
     assert seen == [1 / 3, 2 / 3]
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_a_car_in_eleven_outages(shared_data):
     """The marks of the project: below 4.0 m causal with NHC, below 0.40 m smoothed (best peer 4.8 and 0.44 m)."""

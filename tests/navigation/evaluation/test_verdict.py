@@ -77,6 +77,7 @@ SMALL = {"gyro": {"arw_deg_rthr": 0.002, "bias_deg_hr": 1.0}, "accel": {"vrw_m_s
 GIVEN = {"method": "given", "rpy_deg": [0.0, 0.0, 171.5]}  # the drive leaves towards -8.5 deg
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize(
     "sections",
@@ -116,6 +117,7 @@ def test_an_imu_that_points_backwards_is_found_at_the_start(recording):
     assert result.errors(recording.reference).rms_horizontal < 2.0  # 1.38 m; fixes of metres
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("name", WRECKS)
 def test_a_planted_wreck_is_not_ok_and_its_cause_is_listed(recording, name):
     change, sections, status, cause = WRECKS[name]

@@ -143,6 +143,7 @@ def test_one_threshold_for_all_trials(trials):
         assert -0.035 < np.median(s.length[long] / truth[long] - 1.0) < 0.01
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(
     ("detector", "limit"), [("ared", 0.034), ("shoe", 0.036), ("amv", 0.034), ("magnitude", 0.040)]
 )

@@ -266,7 +266,7 @@ def test_fixes_seconds_apart_do_not_jump_where_the_way_between_them_winds():
     assert "jump against their own velocities at 1 of 59 steps" in note
 
 
-@pytest.mark.parametrize("late", [0.4, -0.3])
+@pytest.mark.parametrize("late", [0.4, pytest.param(-0.3, marks=pytest.mark.campaign)])
 def test_late_velocities_are_noticed_and_put_right(recording, late):
     """Exact positions tell the lateness to a hundredth of a second; with it configured errors are those without it."""
     g = recording.gnss
@@ -463,7 +463,7 @@ def test_a_jump_of_a_kilometre_is_never_believed_within_a_minute(recording):
     assert largest(alone, recording) <= 1.5 * largest(never, recording)
 
 
-@pytest.mark.parametrize("velocity", [True, False])
+@pytest.mark.parametrize("velocity", [True, pytest.param(False, marks=pytest.mark.campaign)])
 def test_accuracies_ten_times_too_good_cost_little(recording, velocity):
     """Fixes of 1.5 m that claim 15 cm: the filter finds the scatter; 2.4 and 9 m with the rule of version 0.1."""
     g = replace(recording.gnss, cov_r_n=recording.gnss.cov_r_n / 100.0)

@@ -48,7 +48,7 @@ def method(prepared):
     return next(note for note in prepared.notes if note.startswith("aligned "))
 
 
-@pytest.mark.parametrize("velocities", [True, False])
+@pytest.mark.parametrize("velocities", [True, pytest.param(False, marks=pytest.mark.campaign)])
 def test_a_carried_start_s_claim_holds(velocities):
     """Navigation and bias errors at the first record, four drives with biases of their own, starts at two times."""
     values = []

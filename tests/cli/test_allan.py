@@ -92,7 +92,7 @@ def test_no_axis_left_is_exit_code_2_with_the_reason(log, identified, tmp_path, 
     assert err.count("\n") == 1
 
 
-def test_files(log, identified, tmp_path, capsys):
+def test_files(log, identified, tmp_path, capsys, drawn):
     code, out, err = run(
         capsys, "allan", log, "--out", tmp_path / "deep" / "out", "--export", "kalibr", "--export", "px4", "--inflate",
         5,

@@ -170,6 +170,7 @@ def test_what_does_not_go_together(calibrated, in_counts, in_si, capsys):
         assert message in err
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_a_real_log_in_counts_agrees_with_the_bench_method(shared_data, tmp_path, capsys):
     """imu_tk's Xsens MTi, by two commands that are told nothing on its counts: within 3 combined sigma, all 30."""

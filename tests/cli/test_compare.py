@@ -21,7 +21,7 @@ def town(tmp_path_factory):
     return path
 
 
-def test_table_statistics_and_files(town, tmp_path, capsys):
+def test_table_statistics_and_files(town, tmp_path, capsys, drawn):
     code = compare(
         town, config=CONFIG, modes="ins,loose,loose+odometer", outage=("120:140",), lengths="5,20", smooth=False,
         set_=("filter.record_s=2.0",), out=tmp_path, json=True,

@@ -38,7 +38,7 @@ def log(recording, tmp_path_factory):
     return path
 
 
-def test_json_and_files(log, tmp_path, capsys):
+def test_json_and_files(log, tmp_path, capsys, drawn):
     assert foot(log, out=tmp_path, json=True, smooth="stride", heading=30.0) == 0
     numbers = json.loads(capsys.readouterr().out)
     assert numbers["command"] == "foot"

@@ -21,6 +21,7 @@ LONGEST_S = 20.0
 LOGS = {"vectornav": vectornav_log, "novatel": novatel_log, "sbf": sbf_log}
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("format", list(LOGS))
 def test_garbage_and_half_messages_between_good_ones_change_nothing(tmp_path, capsys, monkeypatch, format):
     """Random bytes, beginnings of messages and messages with a byte changed, each before a good one."""

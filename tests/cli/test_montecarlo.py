@@ -44,7 +44,7 @@ def scenario(tmp_path):
     return path
 
 
-def test_numbers_and_files(scenario, tmp_path, capsys):
+def test_numbers_and_files(scenario, tmp_path, capsys, drawn):
     assert montecarlo(scenario, out=tmp_path / "out", store=tmp_path / "store", workers=1, json=True) == 0
     captured = capsys.readouterr()
     data = json.loads(captured.out)

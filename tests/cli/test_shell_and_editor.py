@@ -53,7 +53,7 @@ def test_the_schema_as_a_file(tmp_path, capsys):
     assert "scheme" in refusal(capsys, "config", "scheme")
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+@pytest.mark.parametrize("shell", ["bash", *(pytest.param(s, marks=pytest.mark.campaign) for s in ("zsh", "fish"))])
 def test_completion_has_every_command(shell, capsys):
     code, out, err = run(capsys, "completion", shell)
     assert (code, err) == (0, "")

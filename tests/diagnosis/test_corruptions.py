@@ -98,7 +98,7 @@ def test_the_clean_simulated_drive_raises_no_alarm(simulated, tmp_path):
 KINDS = [("single", SINGLES), ("pair", PAIRS)]
 
 
-@pytest.mark.parametrize("every", [8, pytest.param(1, marks=pytest.mark.campaign)])
+@pytest.mark.parametrize("every", [16, pytest.param(1, marks=pytest.mark.campaign)])
 @pytest.mark.parametrize(("kind", "target"), KINDS)
 def test_faults_of_the_simulated_drive_are_named(simulated, tmp_path, kind, target, every):
     """Measured when written: 66 of 66, 40 of 40."""
@@ -119,7 +119,7 @@ def test_the_clean_real_drive_raises_no_alarm(real, tmp_path):
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize("every", [8, pytest.param(1, marks=pytest.mark.campaign)])
+@pytest.mark.parametrize("every", [16, pytest.param(1, marks=pytest.mark.campaign)])
 @pytest.mark.parametrize(("kind", "target"), KINDS)
 @pytest.mark.thinned(2)
 def test_faults_of_the_real_drive_are_named(real, tmp_path, kind, target, every):

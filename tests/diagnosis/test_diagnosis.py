@@ -82,7 +82,8 @@ def test_a_handful_of_readings_without_gravity_is_too_few_to_say_so(samples):
     assert "no_gravity" not in diagnose(Recording(imu=imu), quick=True).codes()
 
 
-@pytest.mark.parametrize("P", PROPER[::3], ids=[letters(P) for P in PROPER[::3]])
+@pytest.mark.parametrize("P", PROPER, ids=[letters(P) for P in PROPER])
+@pytest.mark.thinned(6)
 def test_every_rotation_of_the_sensor_is_named_by_its_letters(good, P):
     diagnosis = diagnose(drives.turned(good, P, P), quick=True)
     assert diagnosis.codes() == ("axes",), diagnosis.summary()

@@ -34,10 +34,7 @@ def rms(truth, recording, config):
 
 @pytest.mark.parametrize(
     "name",
-    [
-        name if name in ("two-sensors-gpx", "phyphox") else pytest.param(name, marks=pytest.mark.campaign)
-        for name in FOLDERS
-    ],
+    [name if name == "two-sensors-gpx" else pytest.param(name, marks=pytest.mark.campaign) for name in FOLDERS],
 )
 def test_a_folder_of_any_format_is_navigated_as_by_one_who_knows(name, drive, tmp_path):
     truth, recording, by_hand, without_velocities = drive

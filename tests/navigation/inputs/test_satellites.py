@@ -94,7 +94,7 @@ class Case:
         config = {
             "imu": {"catalogue": IMU},
             "gnss": {"coupling": "tight", "lever_arm_m": tuple(LEVER), "tight": {**CLOCK, **tight}},
-            "filter": {"smooth": False},
+            "filter": {"smooth": False, "tune": False},
         }
         return navigate(self.recording(ranges, **(parts or {})), NavigationConfig.parse(config), base=base)
 

@@ -72,7 +72,7 @@ def note_of(result):
     ("offset", "velocities"),
     [
         (-0.4, True),
-        (0.15, False),
+        pytest.param(0.15, False, marks=pytest.mark.campaign),
         pytest.param(0.3, True, marks=pytest.mark.campaign),
         pytest.param(-0.15, False, marks=pytest.mark.campaign),
     ],

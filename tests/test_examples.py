@@ -19,6 +19,10 @@ NEEDED = {
 }  # fmt: skip
 
 
+#: Examples of seconds; the functions have tests of their own.
+LONG = ("search_schemes", "calibrate_field")
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """The examples, a simulated log and a run of it."""
@@ -31,7 +35,7 @@ def folder(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("name", EXAMPLES_OF)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.campaign) if n in LONG else n for n in EXAMPLES_OF])
 def test_example_runs_and_gives_what_it_says(name, folder, monkeypatch):
     monkeypatch.chdir(folder)
     function = getattr(schuler, name)

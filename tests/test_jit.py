@@ -267,6 +267,7 @@ def lanes(tmp_path_factory):
     return folder
 
 
+@pytest.mark.campaign
 def test_machine_code_for_lanes_does_not_disturb_a_compilation_for_numbers(lanes, tmp_path):
     """The third process compiles a caller of a function whose code for numbers and for lanes is on disk.
 

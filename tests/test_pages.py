@@ -24,7 +24,7 @@ NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 #: Pages that take more than three seconds; what the tutorial does is tested command by command in tests/cli, too.
-LONG = ("tutorial", "filter-noise-from-allan", "rotary-ins", "hand-on-results")
+LONG = ("tutorial", "filter-noise-from-allan", "rotary-ins", "hand-on-results", "bridge-an-outage", "calibration")
 
 
 @pytest.mark.parametrize(

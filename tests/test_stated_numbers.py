@@ -127,6 +127,7 @@ def test_formats_are_as_many_as_are_listed(capsys):
     assert f"in any of {count} formats" in (DOCS / "tutorial.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 @pytest.mark.parametrize(
     ("clock", "wheels", "causal", "smoothed"), [("derived", False, 4.73, 0.32), ("board", True, 1.82, 0.17)]

@@ -71,6 +71,7 @@ def test_names_are_of_the_field_and_docstrings_begin_with_the_thing():
     assert not offenders, "\n".join(["see docs/project/words.md", *offenders])
 
 
+@pytest.mark.campaign
 def test_names_of_tests_benchmarks_and_pages_are_of_the_field():
     entries = {"tests/observability/test_study.py": {"known"}}
     offenders = []

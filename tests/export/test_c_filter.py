@@ -114,7 +114,7 @@ def written(folder, layout, log, schedule, initial, options=None, psd=PSD):
 
 
 @pytest.mark.parametrize(
-    "name", ["9", "15", *(pytest.param(name, marks=pytest.mark.campaign) for name in ("33", "45")), "all"]
+    "name", ["15", *(pytest.param(name, marks=pytest.mark.campaign) for name in ("9", "33", "45")), "all"]
 )
 def test_c_is_the_filter_for_every_layout(tmp_path, name):
     log, schedule, initial = run_of(LAYOUTS[name])
@@ -143,7 +143,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(3)
 def test_c_judges_faults_as_the_filter_does(tmp_path, fault):
     """The rules of the innovation test, each by a fault that calls it."""
     log, schedule, initial = run_of(LAYOUTS["15"], 90.0, vehicle=False)
@@ -182,7 +182,7 @@ def test_c_propagates_where_the_body_turned_far(tmp_path):
     c_programs.replay(c_programs.program(written(tmp_path, LAYOUTS["15"], log, schedule, initial, options)))
 
 
-@pytest.mark.parametrize("lockout", [0, 2])
+@pytest.mark.parametrize("lockout", [pytest.param(0, marks=pytest.mark.campaign), 2])
 def test_c_counts_rejections_of_wheels(tmp_path, lockout):
     log, schedule, initial = run_of(LAYOUTS["15"])
     z = schedule.z.copy()

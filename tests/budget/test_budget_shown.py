@@ -28,6 +28,14 @@ def bars(figure):
     return dict(zip(names, [line.get_xdata()[1] for line in axes.lines if len(line.get_xdata()) == 2], strict=True))
 
 
+def test_replays_run_as_they_were_prepared(both):
+    """One version of each kernel: of types that were not prepared, a first budget would compile them twice."""
+    from schuler.budget import _replay_kernels as k
+
+    for kernel in (k.replay_filter, k.replay_covariance, k.replay_columns):
+        assert len(kernel.signatures) == 1, kernel.__name__
+
+
 def test_every_parameter_has_a_bar(both):
     """With the total; squares of the bars add up to it: rounding."""
     budget = both[1]

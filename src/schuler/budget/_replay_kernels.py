@@ -280,7 +280,7 @@ def prepare_replay() -> None:
 
     nodes = of(Nodes, m, m, c, k, c, m, k, k)
     model = of(Model, km, m, k, k, f, f, i, nb.boolean, nb.boolean, nb.boolean, x)
-    work = of(Workspace, m, m, f, f, m, m, m, m, f, f, c, f, c, m, m, m, f, f, m, m, m, f)
+    work = nb.typeof(Workspace.of_size(9, 1))
     prepare(
         [
             (replay_filter, (nodes, m, model, work, c, c)),

@@ -129,3 +129,9 @@ def test_of_two_clocks_the_one_that_all_sensors_rows_have_is_taken(tmp_path):
     tables = {name: packed.resolved(path / name).read_text().splitlines() for name in packed.tables(path)}
     assert all(rows[0].startswith("GPS TOW") and "Timestamp" not in rows[0] for rows in tables.values())
     assert sorted(map(len, tables.values())) == [5, 401]
+
+
+def test_rows_shorter_than_their_header_are_refused_by_what_is_proposed_too(tmp_path):
+    path = written(tmp_path / "imu.csv", [row.rpartition(",")[0] for row in ROWS], "t,gx,gy,gz,ax,ay,az")
+    with pytest.raises(FileFormatError, match="the header names 7 columns"):
+        schuler.read(path, **files_of([path], {}).entries)

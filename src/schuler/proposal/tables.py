@@ -210,7 +210,7 @@ def norm(path: Path, accel: Sequence[int]) -> float:
         Its columns.
     """
     values = _numbers(path, accel)
-    if values is None or not len(values):
+    if values is None or not len(values) or max(accel) >= values.shape[1]:  # a header of more fields than its rows
         return float("nan")
     with np.errstate(over="ignore"):  # damaged rows may hold anything
         return float(np.median(np.linalg.norm(values[:, accel], axis=1)))

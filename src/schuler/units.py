@@ -27,6 +27,7 @@ UT = 1e-6  # [T]
 GAUSS = 1e-4  # [T]
 NMI = 1852.0  # [m]
 KM = 1000.0  # [m]
+MILE = 1609.344  # [m]
 FT = 0.3048  # [m]
 KNOT = NMI / HR  # [m/s]
 KMH = KM / HR  # [m/s]
@@ -70,6 +71,7 @@ _ATOMS: dict[str, tuple[float, Dimension]] = {
     "arcmin": (DEG / 60.0, _dim(angle=1)),
     "arcsec": (ARCSEC, _dim(angle=1)),
     "rev": (2.0 * pi, _dim(angle=1)),
+    "semicircles": (pi / 2.0**31, _dim(angle=1)),  # of 32 bits, as Garmin writes places
     "s": (1.0, _dim(time=1)),
     "ms": (1e-3, _dim(time=1)),
     "us": (1e-6, _dim(time=1)),
@@ -83,6 +85,7 @@ _ATOMS: dict[str, tuple[float, Dimension]] = {
     "km": (KM, _dim(length=1)),
     "ft": (FT, _dim(length=1)),
     "nmi": (NMI, _dim(length=1)),
+    "mi": (MILE, _dim(length=1)),
     "kn": (KNOT, _dim(length=1, time=-1)),
     "g": (G0, _dim(length=1, time=-2)),
     "mg": (MG, _dim(length=1, time=-2)),
@@ -107,14 +110,23 @@ _MAX_EXPONENT, _MAX_DEPTH = 9, 8
 _SPELLINGS = {
     "hz": "Hz", "degc": "degC", "rpm": "rev/min", "rthz": "sqrt(Hz)", "rthr": "sqrt(h)", "rth": "sqrt(h)",
     "hr": "h", "hour": "h", "sec": "s", "second": "s", "dps": "deg/s", "mdps": "mdeg/s", "dph": "deg/h",
-    "kph": "km/h", "kmh": "km/h",
+    "kph": "km/h", "kmh": "km/h", "mph": "mi/h",
     "knots": "kn", "knot": "kn", "gal": "cm/s^2", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad",
+    "grad": "deg",
     "celsius": "degC", "µg": "ug", "μg": "ug", "µs": "us", "μs": "us", "µrad": "urad", "μrad": "urad", "°": "deg",
     "°C": "degC", "℃": "degC", "C": "degC", "mps": "m/s", "mps2": "m/s^2", "arcs": "arcsec", "microg": "ug",
     "mgal": "mGal",
     "ut": "uT", "µt": "uT", "μt": "uT", "nt": "nT", "tesla": "T", "microtesla": "uT", "nanotesla": "nT",
     "milligauss": "mgauss", "gs": "gauss",
 }  # fmt: skip
+#: Units in words: ``nanosec``, ``meters``, ``kilometre``; car makers cut them short.
+_WORD = re.compile(
+    r"(kilo|centi|milli|micro|nano)?(?:(met(?:er|re)s?)|(secs?|secon(?:ds?)?)|(hours?)|(degre(?:es?)?)|(radians?))"
+)
+_PREFIXES = {"kilo": "k", "centi": "c", "milli": "m", "micro": "u", "nano": "n"}
+_SYMBOLS = ("m", "s", "h", "deg", "rad")
+_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
+_NO_WORDS = ("unit", "of", "arc")  # of "degree of arc"
 _TOKEN = re.compile(r"\s*(sqrt\(|√\(?|\(|\)|\*|·|/|\^-?\d+|²|³|°C|[A-Za-zµμ°℃%]+\d?(?![\w^])|[A-Za-zµμ°℃%]+|1)")
 
 
@@ -143,7 +155,8 @@ def parse_unit(text: str) -> Unit:
     UnitError
         If a part of the text is no unit known here; the message lists what is.
     """
-    tokens, position = [], 0
+    tokens, position, written = [], 0, text.strip()
+    text = _with_symbols(text)
     text = re.sub(r"(?<=[A-Za-z])\.(?=[A-Za-z])", "·", text)  # m.s^-2
     while position < len(text.rstrip()):
         match = _TOKEN.match(text, position)
@@ -161,7 +174,16 @@ def parse_unit(text: str) -> Unit:
         raise UnitError(f"the unit {text[:40]!r} raises its parts to powers no number can hold")
     if rest:
         raise UnitError(f"cannot read the unit {text!r}: unexpected {rest[0]!r}")
-    return Unit(text=text.strip(), factor=factor, dimension=dimension)
+    return Unit(text=written, factor=factor, dimension=dimension)
+
+
+def _with_symbols(text: str) -> str:
+    """A unit with signs for words: of ``meters per second squared`` and ``MeterPerSecondSquared`` m/s^2."""
+    words = [word for word in re.split(r"[\s_]+", _HUMP.sub(" ", text).lower()) if word and word not in _NO_WORDS]
+    if "per" not in words:
+        return text
+    signs = {"per": "/", **dict.fromkeys(("squared", "square", "squar"), "^2")}
+    return "".join(signs.get(word, word) for word in words)
 
 
 def factor_for(text: str, quantity: str) -> float:
@@ -232,6 +254,8 @@ def _atom(name: str, text: str) -> tuple[float, Dimension]:
         spelling = name.lower()
     if spelling is None and name[-1] in "23" and name[:-1].isalpha():  # m/s2, as table headers have it
         spelling = f"{name[:-1]}^{name[-1]}"
+    if spelling is None and (word := _WORD.fullmatch(name.lower())):
+        spelling = _PREFIXES.get(word[1], "") + next(s for s, x in zip(_SYMBOLS, word.groups()[1:], strict=True) if x)
     if spelling is None:
         choices = ", ".join(sorted(_ATOMS))
         raise UnitError(

@@ -22,7 +22,7 @@ from schuler.proposal import cures, setup
 from schuler.proposal.damage import leave_out_garbled
 from schuler.proposal.decision import Decision, UndecidedError, option
 from schuler.proposal.files import SOMEWHERE, Files, files_of, hints_of
-from schuler.proposal.hints import UNTIL
+from schuler.proposal.hints import UNTIL, is_plain, rates_by_name
 from schuler.proposal.imu_model import imu_entries
 from schuler.proposal.toml import comment, section_lines
 from schuler.recording.io import dispatch, packed, plain_text
@@ -286,14 +286,28 @@ def _step(files: Files, findings: Sequence[Finding], given: Mapping[str, Any]) -
             stated = given.get(f.part, {}) if files.by_part else given
             if new is None or any(name in stated for name in new) or all(entry.get(k) == v for k, v in new.items()):
                 continue
+            if "axes" in new and (exchanged := _rates_by_name(files, str(new["axes"]))):
+                new["columns"] = exchanged
             files.put(f.part, new)
             for label, value in ((at, v) for name, v in new.items() for at in files.names_of(f.part, name)):
                 files.decisions = [d for d in files.decisions if d.entry != label]
-                files.decisions.append(Decision(label, value, f.text))
+                why = (
+                    "roll and pitch are rates about the axes along and across" if label.endswith("columns") else f.text
+                )
+                files.decisions.append(Decision(label, value, why))
             done = True
         if done:
             return True
     return False
+
+
+def _rates_by_name(files: Files, axes: str) -> str | None:
+    """Columns of an IMU's table whose rates are called after the vehicle's axes, which the accelerometer's are not."""
+    entry = files.entry("imu") or {}
+    if files.by_part and "file" not in entry:
+        return None
+    path = packed.resolved(files.log / str(entry["file"])) if files.by_part else files.log
+    return rates_by_name(path, entry.get("columns"), axes) if path.is_file() and is_plain(path) else None
 
 
 def _question(files: Files, diagnosis: Diagnosis) -> SchulerError | None:

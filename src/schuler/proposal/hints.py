@@ -63,6 +63,9 @@ def table_hints(path: Path, section: str, part: str | None) -> tuple[dict[str, A
         entry["columns"] = match[0]
         decisions.append(Decision(f"{section}.columns", match[0], match[1]))
     if part not in (None, "imu"):
+        names = _layout(path, None)[0] if "columns" not in entry else []
+        if "t" not in names and (at := tables.clock_column(path, names)) is not None:
+            entry["columns"] = ",".join("t" if k == at else name for k, name in enumerate(names))  # as of its IMU
         of_clock, more = _clock(path, section, entry.get("columns"))
         entry, decisions = entry | of_clock, decisions + more
         if part == "gnss" and (scale := _whole_units(path)):
@@ -187,6 +190,36 @@ def accuracy_hints(
     sigma = ",".join(f"{number:g}" for number in numbers)
     why = "no column states an accuracy; that of a receiver by itself, from which filter.tune finds the log's own"
     return {"sigma": sigma}, [Decision(f"{section}.sigma", sigma, why)]
+
+
+def rates_by_name(path: Path, given: str | None, axes: str) -> str | None:
+    """Hint ``columns`` in which rates called roll and pitch are about the axes along and across.
+
+    Parameters
+    ----------
+    path : Path
+        Table of an IMU.
+    given : str or None
+        Hint ``columns`` so far.
+    axes : str
+        Where x, y, z of the accelerometer point.
+
+    Returns
+    -------
+    str or None
+        None where the rates are called otherwise, or are about these axes already.
+    """
+    names, _ = _layout(path, given)
+    if not {"gx", "gy"} <= set(names) or "=" in (given or ""):
+        return None
+    opening = text_head.open_text(path, ReadHints())
+    fields = [] if opening.header is None else opening.header[1]
+    called = {name: fields[names.index(name)].lower() for name in ("gx", "gy") if names.index(name) < len(fields)}
+    along = next((name for name, field in called.items() if "roll" in field and "pitch" not in field), None)
+    across = next((name for name, field in called.items() if "pitch" in field and "roll" not in field), None)
+    if along is None or across is None or axes[("gx", "gy").index(along)] not in "RL" or axes[2] not in "UD":
+        return None
+    return ",".join({"gx": "gy", "gy": "gx"}.get(name, name) for name in names)
 
 
 def unit_of(entry: Mapping[str, Any] | None, group: str) -> str | None:

@@ -56,6 +56,8 @@ def imu_columns(path: Path) -> tuple[str, str] | None:
     if not clock and (np.diff(values, axis=0).min(axis=0) >= 0.0).any() and values.shape[1] == 7:
         return None  # a counter of rows
     attitude = _attitude(values)
+    if attitude:
+        attitude = attitude | _gravity_and_rest(values, attitude)
     idle = attitude | set(np.flatnonzero(np.ptp(values, axis=0) == 0.0).tolist())
     others = [k for k in range(values.shape[1]) if k not in clock and k not in idle]
     triads = [(k, k + 1, k + 2) for k in others if k + 1 in others and k + 2 in others]
@@ -65,7 +67,7 @@ def imu_columns(path: Path) -> tuple[str, str] | None:
         for a, g in itertools.permutations(triads, 2)
         if (_is_gravity(values[:, a]) or (calm[a] < _STEADY and len(others) <= 8))
         and not set(a) & set(g)
-        and _aligned(a, g, others, beside_attitude=bool(attitude))
+        and _aligned(a, g, others, n_attitude=len(attitude))
     ]
     if not pairs or (len(others) > 8 and len({a for a, _ in pairs}) > 1):
         return None  # of three triads only one may be gravity
@@ -153,10 +155,15 @@ def clock_column(path: Path, names: Sequence[str]) -> int | None:
     names : sequence of str
         Of all columns; a hyphen where the header's is not known.
     """
-    values = _numbers(path) if "ax" in names else None
+    needed = [k for k, name in enumerate(names) if name in columns.ACCEL]  # rows between fixes have their fields empty
+    values = _numbers(path, needed) if needed else None
     if values is None or len(values) < _BLOCK or values.shape[1] != len(names):
         return None
-    clocks = [k for k, name in enumerate(names) if name == "-" and _is_clock(values[:, k]) and time_unit(values[:, k])]
+    clocks = []
+    for k in [k for k, name in enumerate(names) if name == "-"]:
+        each = _numbers(path, [*needed, k])
+        if each is not None and len(each) > 0.9 * len(values) and _is_clock(each[:, k]) and time_unit(each[:, k]):
+            clocks.append(k)
     return clocks[0] if len(clocks) == 1 else None
 
 
@@ -342,6 +349,25 @@ def _attitude(values: FloatArray) -> set[int]:
     return set()
 
 
+def _gravity_and_rest(values: FloatArray, attitude: set[int]) -> set[int]:
+    """Three columns in a row that are the plumb line by an attitude, of one norm, and those that are the rest."""
+    width = values.shape[1]
+    apart = [k for k in range(width - 2) if not attitude & {k, k + 1, k + 2}]
+    norms = {k: np.linalg.norm(values[:, k : k + 3], axis=1) for k in apart}
+    plumb = [k for k, norm in norms.items() if np.ptp(norm) < _UNIT_NORM * G0 and 0.5 < np.median(norm) < 11.0]
+    if len(plumb) != 1:
+        return set()
+    k = plumb[0]
+    left = [a for a in range(width - 2) if not set(range(a, a + 3)) & set(range(k, k + 3))]
+    down = values[:, k : k + 3]
+    rest = {
+        j for a in left for i in left
+        if i != a and np.abs(values[:, a : a + 3] - down - values[:, i : i + 3]).max() < _UNIT_NORM
+        for j in range(i, i + 3)
+    }  # fmt: skip
+    return set(range(k, k + 3)) | rest if rest else set()
+
+
 def _spread(x: FloatArray, calm: bool = True) -> float:
     """Spread of block means' norm over its median: in the calmer half of the blocks, or in both extreme tenths."""
     n = len(x) // _BLOCK
@@ -366,7 +392,7 @@ def _is_gravity(x: FloatArray) -> bool:
     return bool((np.abs(np.outer(sizes, factors) - 1.0) < _POOR_SCALE).any())
 
 
-def _aligned(accel: tuple[int, ...], gyro: tuple[int, ...], others: list[int], *, beside_attitude: bool) -> bool:
+def _aligned(accel: tuple[int, ...], gyro: tuple[int, ...], others: list[int], *, n_attitude: int) -> bool:
     """Whether the triads fill the columns that are no clock, x, y, z of each in order.
 
     But for a temperature or two, or a third triad, of magnetometers, with a temperature at the end; beside a
@@ -374,7 +400,9 @@ def _aligned(accel: tuple[int, ...], gyro: tuple[int, ...], others: list[int], *
     """
     first, second = sorted((others.index(accel[0]), others.index(gyro[0])))
     rest = len(others) - 6
-    if beside_attitude and rest in (6, 7):
+    if n_attitude > 4 and (first, second) == (0, 3) and rest <= 6:  # beside the plumb line, too
+        return True
+    if n_attitude and rest in (6, 7):
         return (first, second) == (3, 6)
     if rest in (3, 4):
         return (first, second) in ((0, 3), (0, 6), (3, 6))

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from schuler.exceptions import FileFormatError, InputError, SchulerError
-from schuler.recording.io import clock, columns, dates, lines, missing_values, own, own_satellites
+from schuler.exceptions import FileFormatError, SchulerError
+from schuler.recording.io import columns, lines, missing_values, own, own_satellites, stamps
 from schuler.recording.io.assemble import CONVERTED, recording_from
 from schuler.recording.io.garbled import good_rows, put_in_order
 from schuler.recording.io.held_rows import new_rows
@@ -70,7 +70,7 @@ def tables(opening: Opening, hints: ReadHints) -> list[tuple[Raw, ReadHints]]:
         As :func:`read_text`.
     """
     names = _layout(opening, hints)[0]
-    held = _several(columns.series_of(names)) if hints.series is None else ()
+    held = _several(columns.series_of(names), opening) if hints.series is None else ()
     return [(_load(opening, own), own) for own in ([replace(hints, series=name) for name in held] or [hints])]
 
 
@@ -90,8 +90,13 @@ def joined(parts: list[Recording], hints: ReadHints) -> Recording:
     return replace(merged, metadata=replace(merged.metadata, notes=tuple(notes), options=hints.given()))
 
 
-def _several(series: list[str]) -> tuple[str, ...]:
-    """Series of a table that holds an IMU and what came with some of its samples: fixes or a speed of wheels."""
+def _several(series: list[str], opening: Opening | None = None) -> tuple[str, ...]:
+    """Series of a table that holds an IMU and what came with some of its samples: fixes or a speed of wheels.
+
+    Coordinates beside an IMU are what it makes of itself, but for those about the centre of the Earth.
+    """
+    if series == ["imu", "reference"] and opening is not None and not is_in_space(opening):
+        return ("imu",)
     return tuple(series) if series in (["imu", "gnss"], ["imu", "odometer"]) else ()
 
 
@@ -116,7 +121,7 @@ def recognised_series(path: Path) -> tuple[str, ...]:
         "height": {"h", "sh"},
         "reference": {"x", "y", "z"},
     }
-    held = _several(series) or (tuple(series) if len(series) == 1 else ())
+    held = _several(series, opening) or (tuple(series) if len(series) == 1 else ())
     whole = tuple(name for name in held if complete[name] <= set(names))
     if whole[:1] != held[:1] or (whole == ("reference",) and not is_in_space(opening)):
         return ()
@@ -130,7 +135,7 @@ def _load(opening: Opening, hints: ReadHints) -> Raw:
         of_it = columns.BELONGS[hints.series] | ({"heading"} if hints.series == "gnss" else set())
         own = [k for k, name in enumerate(names) if name in of_it]
         names, indices = [names[k] for k in own], [indices[k] for k in own]
-    dated = _dated(opening, dict(zip(names, indices, strict=True)))
+    dated = stamps.dated_column(opening, dict(zip(names, indices, strict=True)))
     if dated is not None:
         place = names.index("t")
         del names[place], indices[place]
@@ -149,10 +154,14 @@ def _load(opening: Opening, hints: ReadHints) -> Raw:
         rows = (fields for _, fields in itertools.islice(opening.table.rows(), len(values)))
         if truncated:
             notes.append("The last line was cut off and left out.")
+    if repeats := lines.repeated_headers(opening.table):
+        notes.append(
+            f"The header comes again {repeats} times, where the log was begun anew: those lines were left out."
+        )
     arrays = {name: values[:, k] for k, name in enumerate(names)}
     raw = Raw(opening.table.path, arrays, stated, line_of, notes=notes, negated=negated)
     if dated is not None:
-        _stamp(raw, hints, _stamps_of(opening, dated, rows))
+        stamps.stamp(raw, hints, stamps.stamps_of(opening, dated, rows))
     if hints.bad_lines:
         put_in_order(raw, hints.bad_lines)
     return raw
@@ -183,54 +192,11 @@ def _rarer(
         arrays["t"] = arrays["t"] + counted
     raw = Raw(opening.table.path, arrays, stated, numbers.__getitem__, notes=notes, negated=negated)
     if dated is not None:
-        _stamp(raw, hints, _stamps_of(opening, dated, rows))
+        stamps.stamp(raw, hints, stamps.stamps_of(opening, dated, rows))
+    at = dated if dated is not None else indices[names.index("t")] if "t" in names else None
+    if at is not None and (moved := stamps.spread_with_all(opening, at, numbers)) is not None:
+        raw.values["t"] = raw.values["t"] + moved
     return raw
-
-
-def _dated(opening: Opening, chosen: dict[str, int]) -> int | None:
-    """Position of the time column if its stamps are dates or times of day."""
-    k = chosen.get("t")
-    return k if k is not None and (dates.is_date(opening.fields[k]) or dates.is_clock(opening.fields[k])) else None
-
-
-def _stamps_of(opening: Opening, dated: int, rows: Iterable[list[str]]) -> list[str]:
-    """Stamps of rows, times of day with the date of the column that has it."""
-    days = [k for k, field in enumerate(opening.fields) if dates.is_day(field)]
-    if len(days) != 1 or not dates.is_clock(opening.fields[dated]):
-        return [fields[dated] for fields in rows]
-    return [dates.joined(fields[days[0]], fields[dated]) for fields in rows]
-
-
-def _stamp(raw: Raw, hints: ReadHints, texts: list[str]) -> None:
-    """Make the time column of dates, on GPS time, or of times of day, on the log's own clock."""
-    if dates.is_clock(texts[0]):
-        raw.values["t"], bad = dates.seconds_of_day(texts)
-        raw.stated["t"] = "s"
-        if bad is not None:
-            raise raw.fault(f"t: expected a time of day such as 12:00:00.25, got {lines.shorten(texts[bad], 40)}", bad)
-        raw.notes.append("Stamps are times of day, of no stated date: seconds since the first midnight.")
-        return
-    ns, zoned, bad = dates.unix_ns(texts)
-    if bad is not None:
-        raise raw.fault(f"t: expected a date such as 2024-05-01T12:00:00.25Z, got {lines.shorten(texts[bad], 40)}", bad)
-    if hints.time not in (None, "unix", "utc-unix") and (zoned or hints.time != "gps-unix"):
-        meant = (
-            "state their zone: leave time out" if zoned else "say time='unix' if they are UTC, 'gps-unix' if GPS time"
-        )
-        raise raw.fault(f"time={hints.time!r}, but the stamps are dates; {meant}")
-    if "received" in raw.values:
-        raise raw.fault("received: expected dates as in the column t, which are not read here: skip it with -")
-    notes: list[str] = []
-    try:
-        seconds, raw.time = clock.from_unix({"t": ns}, hints.time, notes, assumed="unix")
-    except InputError as error:
-        raise raw.fault(str(error)) from error
-    raw.values["t"], raw.stated["t"] = seconds["t"], "s"
-    if hints.time is None and not zoned:
-        raw.notes.append(
-            "Dates without a zone are taken as UTC (hint time='gps-unix' for GPS time, offset for others)."
-        )
-    raw.notes += [note.replace("Stamps are taken as Unix time (UTC)", "Stamps are dates") for note in notes]
 
 
 def _layout(opening: Opening, hints: ReadHints) -> tuple[list[str], list[int], dict[str, str], list[str], set[str]]:
@@ -258,7 +224,7 @@ def _layout(opening: Opening, hints: ReadHints) -> tuple[list[str], list[int], d
                 f"columns: in a text file all names are mapped to headers or none, got {hints.columns!r}", path
             )
         chosen = {spec.name: _find_header(opening, spec.source or "") for spec in specs}
-    with_unit = {name: k for name, k in chosen.items() if name != "t" or _dated(opening, chosen) is None}
+    with_unit = {name: k for name, k in chosen.items() if name != "t" or stamps.dated_column(opening, chosen) is None}
     stated = _stated_units(opening, hints, with_unit, notes) if fits else {}
     chosen = {name: k for name, k in chosen.items() if name in with_unit or name == "t"}
     negated = {

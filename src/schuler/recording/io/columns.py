@@ -147,12 +147,23 @@ def recognise(header: str) -> tuple[str, str | None] | None:
     for word in dict.fromkeys((_plain(text), _plain(_HUMP.sub(r"\1_\2", text)))):  # speedKmph as speed_kmph
         for name in dict.fromkeys((word, *(word.removeprefix(prefix) for prefix in _PREFIXES))):
             if name in _SPELLINGS:
-                return _SPELLINGS[name], unit
+                return _turning(_SPELLINGS[name], unit), unit
             if name in _CLOCKS:
                 return "t", unit or _CLOCKS[name]
             if unit is None and (ending := _ending(name)) is not None:
                 return _SPELLINGS[name.removesuffix(f"_{ending}")], _ENDINGS[ending]
     return None
+
+
+def _turning(name: str, unit: str | None) -> str:
+    """A roll, pitch or yaw as the rate about that axis where its unit is one; other names as they are."""
+    if name not in EULER or unit is None:
+        return name
+    try:
+        units.factor_for(unit, GROUP_QUANTITY["gyro"])
+    except SchulerError:
+        return name
+    return GYRO[EULER.index(name)]
 
 
 def recognise_all(headers: Sequence[str]) -> list[tuple[str, str | None] | None]:

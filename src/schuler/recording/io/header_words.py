@@ -7,14 +7,15 @@ words tell the quantity and the axis, those left over tell one sensor of a table
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections import defaultdict
 from collections.abc import Sequence
 
 _HUMP = re.compile(r"([a-z0-9]{2})([A-Z])|([A-Z])([A-Z][a-z])")
 #: Quantities by the words that name them; the first word is that of a sensor, which counts more than a general one.
 _SENSORS = {
-    "a": ("acc", "accel", "accelerometer", "acceleration", "gforce", "gf"),
-    "g": ("gyr", "gyro", "gyroscope"),
+    "a": ("acc", "accel", "accelerometer", "acceleration", "gforce", "gf", "beschl", "beschleunigung", "aceleracion"),
+    "g": ("gyr", "gyro", "gyroscope", "drehrate", "winkelgeschwindigkeit"),
     "m": ("mag", "magn", "magnetometer"),
 }
 _GENERAL = {
@@ -31,12 +32,13 @@ _VEHICLE = {
     },
     "g": {"roll": 0, "pitch": 1, "yaw": 2},
 }
+_TURNING = ("vel", "velocity", "speed")  # of a roll, pitch or yaw
 _PLACES = {
-    "lat": ("lat", "latitude", "latit"),
-    "lon": ("lon", "long", "lng", "longitude"),
-    "h": ("alt", "altitude", "height", "elevation", "hmsl"),
-    "speed": ("speed",),
-    "course": ("course", "heading", "bearing", "cog", "track"),
+    "lat": ("lat", "latitude", "latit", "latitud", "breite", "breitengrad"),
+    "lon": ("lon", "long", "lng", "longitude", "longitud", "lange", "laenge", "langengrad"),
+    "h": ("alt", "altitude", "height", "elevation", "hmsl", "altitud", "hohe", "hoehe"),
+    "speed": ("speed", "geschwindigkeit", "tempo", "vitesse", "velocidad"),
+    "course": ("course", "heading", "bearing", "cog", "track", "dir", "kurs", "rumbo"),
 }
 _VELOCITY = {"n": "vn", "e": "ve", "d": "vd", "north": "vn", "east": "ve", "down": "vd"}
 _TIME = ("time", "timestamp", "cts", "clock", "millis", "micros")
@@ -44,7 +46,23 @@ _TIME = ("time", "timestamp", "cts", "clock", "millis", "micros")
 _RECEIVER = frozenset(("gps", "gnss", "location"))
 #: Words that tell nothing: of a speed over ground in two dimensions, of a place in two numbers, of the first receiver.
 _FILLERS = frozenset(
-    ("ground", "over", "2", "d", "coord", "0", "1", "degrees", "deg", "meters", "metres", "mps", "pos", "position")
+    (
+        "ground",
+        "over",
+        "2",
+        "d",
+        "coord",
+        "0",
+        "1",
+        "degrees",
+        "deg",
+        "meters",
+        "metres",
+        "mps",
+        "pos",
+        "position",
+        "enhanced",
+    )
 )
 #: Words that make another quantity of what they stand beside: motion without gravity, attitudes, claims, commands.
 _OTHERS = frozenset((
@@ -52,15 +70,16 @@ _OTHERS = frozenset((
     "stddev", "var", "variance", "err", "error", "sd", "composite", "norm", "total", "magnitude", "angle", "angles",
     "euler", "roll", "pitch", "yaw", "cmd", "command", "setpoint", "target", "ref", "reference", "home", "accuracy",
     "uncertainty", "dop", "hdop", "vdop", "pdop", "fix", "status", "temp", "temperature", "delta",
-    "vertical", "gt", "truth", "true", "ekf", "filtered", "estimated", "fused", "ins",
+    "vertical", "direction", "gt", "truth", "true", "ekf", "filtered", "estimated", "fused", "ins",
 ))  # fmt: skip
 _RATES = {"rad": "rad/s", "rads": "rad/s", "deg": "deg/s", "dps": "deg/s", "mdps": "mdps"}
 _TIME_UNITS = {"ms": "ms", "msec": "ms", "millis": "ms", "us": "us", "micros": "us", "ns": "ns", "s": "s", "sec": "s"}
 
 
 def words_of(text: str) -> list[str]:
-    """Words of a field without its unit, in lower case: ``gyroADC[0]`` is gyro, adc, 0."""
-    spaced = _HUMP.sub(lambda m: f"{m[1] or m[3]} {m[2] or m[4]}", text)
+    """Words of a field without its unit, in lower case and without accents: ``gyroADC[0]`` is gyro, adc, 0."""
+    plain = text if text.isascii() else unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
+    spaced = _HUMP.sub(lambda m: f"{m[1] or m[3]} {m[2] or m[4]}", plain)
     return [word for part in re.findall(r"[A-Za-z]+|\d+", spaced) if (word := part.lower())]
 
 
@@ -107,7 +126,7 @@ def _triad(words: Sequence[list[str]], stem: str) -> dict[int, str]:
     families: defaultdict[tuple[str, ...], dict[int, int]] = defaultdict(dict)
     for k, field in enumerate(words):
         split = _sensor_and_axis(field, stem)
-        turns = "rate" in field or set(_SENSORS["g"]) & set(field)
+        turns = {"rate", *_TURNING, *_SENSORS["g"]} & set(field)
         others = _OTHERS - {"angle", "roll", "pitch", "yaw"} if turns else _OTHERS - {"vertical"}
         if split is not None and not others & set(field):
             families[split[0]].setdefault(split[1], k)
@@ -127,7 +146,9 @@ def _sensor_and_axis(field: list[str], stem: str) -> tuple[tuple[str, ...], int]
     general = _GENERAL.get(stem, ())
     for word, along in _VEHICLE.get(stem, {}).items():
         rest = [other for other in field if other != word]
-        of_it = bool(set(_SENSORS[stem]) & set(rest)) or any(set(phrase) <= set(rest) for phrase in general)
+        of_it = bool({*_SENSORS[stem], *(_TURNING if stem == "g" else ())} & set(rest)) or any(
+            set(phrase) <= set(rest) for phrase in general
+        )
         if word in field and of_it:
             return (*rest, "vehicle"), along
     for k in range(len(field) - 1, -1, -1):

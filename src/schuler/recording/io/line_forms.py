@@ -3,6 +3,7 @@
 - ``18:53:02.106 -> a/g: 64 428 15848 -18 -32 -40``: words that stay and numbers that change, as terminals show them;
   a date, a time of day or milliseconds may stand before them. Sentences of NMEA among them are taken as they are.
 - ``raw_imu,time_usec,412337000,xacc,4,yacc,-26``: a name before each number.
+- ``Data,2,gps,lat,"581",deg,ms,"7",ms``: a name, a value and its unit in turn; ``1|2|3`` are samples of one line.
 - ``FMT`` and ``$COL``, lines that name the columns of each kind of line (ArduPilot's text, FlySight).
 - ``t, 3, x, y, z, 4, x, y, z``: numbers of sensors, each before its three values (Sensorstream).
 - rows of a table in which an accelerometer, a gyroscope or a receiver have their fields, and the others none.
@@ -10,6 +11,7 @@
 
 from __future__ import annotations
 
+import csv
 import itertools
 import re
 from collections import Counter
@@ -43,6 +45,7 @@ _MARKS = " \t,;|:=()[]{}<>-"
 _LOOKED_AT = 200
 _MANY = 20_000  # rows in which the clock that all sensors share is looked for
 _FEWEST, _SHARE = 10, 0.3  # rows of a form, and their share of all, by which it is recognised
+_TRIPLED = 0.8  # share of lines with a name, a value and a unit in turn
 _PAIRED = 0.9  # share of lines with a name before each number
 _MISSING = ("", "nan", "null", "none", "na", "n/a", "-")
 _RECEIVER = re.compile(r"gps|gnss|loc|pos|lat", re.IGNORECASE)
@@ -138,6 +141,80 @@ def paired_rows(path: Path) -> Iterator[tuple[str, Row]]:
     """
     for text in text_of(path):
         yield _pairs(text)
+
+
+def are_triples(rows: Sequence[str]) -> bool:
+    """Whether most lines have a name, a value and a unit in turn.
+
+    Parameters
+    ----------
+    rows : sequence of str
+    """
+    return sum(len(_triples(row)[1]) > 1 for row in rows) > _TRIPLED * len(rows)
+
+
+def _triples(row: str) -> tuple[str, dict[str, list[str]]]:
+    """Kind of a line, the last word before its names, and samples by names with units; no names if it is no such."""
+    fields = next(csv.reader([row]), [])
+    start = next((k for k in range(1, len(fields) - 1) if WORD.fullmatch(fields[k]) and _samples(fields[k + 1])), 0)
+    if not start:
+        return "", {}
+    out: dict[str, list[str]] = {}
+    for k in range(start, len(fields) - 2, 3):
+        name, unit = fields[k], fields[k + 2]
+        samples = _samples(fields[k + 1])
+        if not name or not fields[k + 1]:
+            continue
+        if not WORD.fullmatch(name) or lines.is_number(unit):
+            return "", {}
+        if samples:
+            out[f"{name} [{unit}]" if unit and text_head.is_unit(unit) else name] = samples
+        if unit == "counts":
+            out[f"{name} [{unit}]"] = out.pop(name)
+    return next((field for field in reversed(fields[:start]) if WORD.fullmatch(field)), ""), out
+
+
+def _samples(field: str) -> list[str]:
+    samples = field.split("|")
+    return samples if all(map(lines.is_number, samples)) else []
+
+
+def triple_rows(path: Path) -> Iterator[tuple[str, Row]]:
+    """Samples by the kind of their line, with one time: whole seconds, thousandths and offsets of samples added.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    for text in text_of(path):
+        kind, samples = _triples(text)
+        raw = [name for name in samples if name.endswith("[counts]")]
+        if len(raw) < len([name for name in samples if len(samples[name]) > 1]):  # the same in a unit stands beside
+            samples = {name: x for name, x in samples.items() if name not in raw}
+        lengths = {len(x) for name, x in samples.items() if len(x) > 1}
+        if lengths == {3} and sum(len(x) == 3 for x in samples.values()) == 1:  # a vector
+            name, x = next((name, x) for name, x in samples.items() if len(x) == 3)
+            samples.pop(name)
+            samples |= {f"{name.partition(' [')[0]}_{axis}": [value] for axis, value in zip("xyz", x, strict=True)}
+            lengths = set()
+        if len(lengths) > 1 or not samples:
+            yield kind, {}
+            continue
+        for k in range(max(lengths, default=1)):
+            yield kind, _with_one_time({name: x[k] if len(x) > 1 else x[0] for name, x in samples.items()})
+
+
+def _with_one_time(row: Row) -> Row:
+    """A row with thousandths and offsets put to the time of whole seconds that they are beside."""
+    base = next((name for name in row if name in ("timestamp [s]", "time [s]")), None)
+    if base is None:
+        return row
+    stem = base.partition(" ")[0]
+    more = [name for name in row if name.startswith(f"{stem}_ms ") or re.match(r"(sample_)?time_offset \[ms\]", name)]
+    if not more or not row[base].isdigit() or not all(row[name].isdigit() for name in more):
+        return row
+    ms = 1000 * int(row[base]) + sum(int(row[name]) for name in more)
+    return {f"{stem} [s]": f"{ms // 1000}.{ms % 1000:03d}"} | {n: x for n, x in row.items() if n not in (base, *more)}
 
 
 def named_rows(path: Path) -> Iterator[tuple[str, Row]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import itertools
+import mmap
 import re
 import warnings
 from collections.abc import Generator, Iterable, Iterator
@@ -54,6 +55,8 @@ class TextTable:
         Characters that stand for a blank (the strokes and colons of dates).
     decimal : {".", ","}
         Decimal point; a comma only where the delimiter is none.
+    header : str
+        Line of the names, as it stands in the file; where it comes again, of a logger that began anew, it is no row.
     """
 
     path: Path
@@ -63,6 +66,7 @@ class TextTable:
     encoding: str = "latin-1"
     replaced: str = ""
     decimal: str = "."
+    header: str = ""
 
     def split(self, line: str) -> list[str]:
         """Fields of one line without its comment; none of a blank line. A FileFormatError if no log has such a line."""
@@ -86,6 +90,8 @@ class TextTable:
 
     def bare(self, line: str) -> str:
         """A line without its comment, and with what stands for blanks and points replaced by them."""
+        if self.header and line.strip() == self.header:
+            return ""
         line = line.partition(self.comment)[0].replace(self.decimal, ".")
         for character in self.replaced:
             line = line.replace(character, " ")
@@ -265,6 +271,20 @@ def load_stamps(
 def is_large(table: TextTable) -> bool:
     """Whether a file is worth compiled code."""
     return table.path.stat().st_size >= MANY
+
+
+def repeated_headers(table: TextTable) -> int:
+    """How often the line of the names comes again below the first rows."""
+    text = table.header.encode(table.encoding, errors="replace")
+    if not text:
+        return 0
+    with table.path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        count, at = 0, data.find(text)
+        while at >= 0:
+            begins, ends = at == 0 or data[at - 1 : at] == b"\n", data[at + len(text) : at + len(text) + 1].isspace()
+            count += begins and ends
+            at = data.find(text, at + 1)
+    return max(count - 1, 0)
 
 
 def _all_or_cut(

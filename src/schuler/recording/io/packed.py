@@ -5,10 +5,12 @@ holds ``log.jsonl/accel.csv``. What a line means is in it alone:
 
 - ``{"t": 1, "acc": [0.1, 0.2, 9.8]}``, a JSON object a line, one list of them in the file, or an object with
   a list a column; kinds by a key such as ``class`` or ``sensor``, or by the keys it has.
+- ``{"speed": {"unit": "km/h", "values": [[t, x], ...]}, ...}``, a signal each with times of its own.
 - ``t:12 ax:0.1 ay:0.2``, labels and numbers.
 - ``ACCE;5.1;0.1;0.2;9.8``, a word and numbers; a comment may name the columns.
 - a column of such words in a table, ``timestamp,sensor,x,y,z``.
 - sentences of NMEA between rows of numbers, ``IMU,4000,0.1,...``.
+- UTF-16, which is one table or several as the same text in UTF-8 is.
 - VBOX: sections, minutes of latitude and of longitude to the west, times of day.
 """
 
@@ -16,7 +18,6 @@ from __future__ import annotations
 
 import atexit
 import csv
-import json
 import re
 import tempfile
 from collections import Counter, defaultdict
@@ -24,18 +25,15 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TextIO, TypeAlias
+from typing import TextIO, TypeAlias
 
 from schuler.exceptions import FileFormatError, SchulerError
-from schuler.recording.io import columns, line_forms, lines
+from schuler.recording.io import columns, json_tables, line_forms, lines
 
 Row: TypeAlias = dict[str, str]
 _LOOKED_AT = 200  # lines by which a file is recognised
 _NEARLY_ALL = 0.9  # share of lines that are of the form, and of rows that have a column
 _MOST_KINDS, _LONGEST_NAME = 40, 60
-_LEAST_ROWS = 20  # of lists in a document that are a log's, and no matrix
-_LARGEST_LIST = 1 << 30  # of a JSON list, which is read as a whole [bytes]
-_KIND_KEYS = ("sensor", "class", "type", "kind", "topic", "msg", "message", "name", "event")
 _LABELLED = re.compile(r"([A-Za-z_][\w.]*)\s*[:=]\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)")
 _NMEA = re.compile(r"\$G[A-Z](GGA|RMC),[ -~]*\*[0-9A-Fa-f]{2}")
 _NAMELESS = ("", "1")  # first columns of tables without names
@@ -43,6 +41,7 @@ _BETWEEN = re.compile(r"[\s,;|]*")
 _BINARY = (".parquet", ".mat", ".npy", ".npz", ".zip", ".gz", ".bag", ".db3", ".mcap", ".bin", ".ubx", ".sbf")
 _RECEIVER = re.compile(r"gnss|gps|location|(^|_)fix", re.IGNORECASE)  # not position, which may be local
 _SUFFIX = ".csv"
+_WIDE = (b"\xff\xfe", b"\xfe\xff")  # marks of UTF-16, in which Excel writes "Unicode text"
 
 
 def kind_of(path: Path) -> str | None:
@@ -54,7 +53,7 @@ def kind_of(path: Path) -> str | None:
 
     Returns
     -------
-    {"json", "json-list", "json-columns", "labels", "words", "column", "beside-nmea", "vbox"} or None
+    {"wide", "json", "json-list", "json-columns", "labels", "words", "column", "beside-nmea", "vbox"} or None
     """
     from schuler.recording.formats import registry
     from schuler.recording.io.satellite_files import kinds_of
@@ -63,6 +62,8 @@ def kind_of(path: Path) -> str | None:
         return None
     try:
         head = lines.check_file(path)
+        if head.startswith(_WIDE) and registry.find(head, path) is None:
+            return "wide"
         encoding = lines.encoding_of(head, path)
     except SchulerError:
         return None
@@ -75,7 +76,7 @@ def kind_of(path: Path) -> str | None:
     if received := kinds_of(path, head):
         return "free" if received == ("gnss",) and line_forms.is_free(text.splitlines()) else None
     if text.lstrip("\ufeff \r\n\t[").startswith("{"):
-        return _json_kind(text, cut=cut)
+        return json_tables.kind_of(text, cut=cut)
     if "[column names]" in text and "[data]" in text:
         return "vbox"
     rows = [
@@ -89,6 +90,8 @@ def kind_of(path: Path) -> str | None:
         return "labels"
     if line_forms.are_named(rows):
         return "named"
+    if line_forms.are_triples(rows):
+        return "triples"
     delimiter = line_forms.delimiter_of(rows[-1])
     fields = [line_forms.fields_of(row, delimiter) for row in rows]
     if _are_kinds([row[0] for row in fields]) and all(len(row) > 3 for row in fields):
@@ -130,34 +133,16 @@ def _is_of_form(row: str) -> bool:
     )
 
 
-def _json_kind(text: str, *, cut: bool) -> str | None:
-    """Whether text begins as a list of objects, has an object a line, or is one object with columns as lists."""
-    if text.lstrip("\ufeff \r\n\t").startswith("["):
-        try:
-            first, _ = json.JSONDecoder().raw_decode(text.lstrip("\ufeff \r\n\t[").lstrip())
-        except (ValueError, RecursionError):
-            return None
-        return "json-list" if isinstance(first, dict) else None
-    rows = [row for row in text.splitlines() if row.strip()]
-    rows = rows[:-1] if cut else rows
-    good = 0
-    for row in rows[:_LOOKED_AT]:
-        try:
-            good += isinstance(json.loads(row), dict)
-        except (ValueError, RecursionError):
-            continue
-    if (good == 0 or len(rows) < 3) and re.search(r'"\w+"\s*:\s*\[\s*\[?\s*[-+\d.]', text):
-        return "json-columns"
-    return "json" if len(rows) > 2 and good > _NEARLY_ALL * min(len(rows), _LOOKED_AT) else None
-
-
 @lru_cache(maxsize=64)
 def _unpacked(path: Path, stamp: tuple[int, int]) -> tuple[tuple[str, ...], Path, int]:
     """Names of the tables of a file, the folder they are in, and lines of no table.
 
     The file is gone through twice, for the columns that nearly all rows of a table have, and to write them.
     """
-    rows = _ROWS[str(kind_of(path))]
+    kind = str(kind_of(path))
+    if kind == "wide":
+        return _unpacked_narrow(path)
+    rows = _ROWS[kind]
     counts: defaultdict[str, Counter[str]] = defaultdict(Counter)
     sizes: Counter[str] = Counter()
     for name, row in rows(path):
@@ -191,6 +176,15 @@ def _unpacked(path: Path, stamp: tuple[int, int]) -> tuple[tuple[str, ...], Path
             else:
                 csv.writer(files[table], lineterminator="\n").writerow(values)
     return tuple(sorted(f"{name}{_SUFFIX}" for name in files)), Path(holder.name), left_out
+
+
+def _unpacked_narrow(path: Path) -> tuple[tuple[str, ...], Path, int]:
+    """The same of a file of UTF-16: what the same text in UTF-8 holds."""
+    holder = tempfile.TemporaryDirectory(prefix="schuler-")
+    atexit.register(holder.cleanup)
+    narrow = Path(holder.name) / f"{path.stem}{_SUFFIX}"
+    narrow.write_text(path.read_text(encoding="utf-16", errors="replace"), encoding="utf-8")
+    return ((narrow.name,), narrow.parent, 0) if kind_of(narrow) is None else _unpacked(narrow, _stamp(narrow))
 
 
 def _table_name(kind: str, row: Row) -> str:
@@ -261,63 +255,6 @@ def _places(name: str, keys: list[str], row: Row) -> list[str]:
     if not all(map(lines.is_number, place)) or abs(float(place[0])) > 90.0 or abs(float(place[1])) > 180.0:
         return keys
     return [{"x": "lat", "y": "lon", "z": "alt"}.get(key, key) for key in keys]
-
-
-def _json_rows(path: Path) -> Iterator[tuple[str, Row]]:
-    for text in line_forms.text_of(path):
-        try:
-            value = json.loads(text)
-        except (ValueError, RecursionError):
-            value = None
-        yield _object(value) if isinstance(value, dict) else ("", {})
-
-
-def _json_list(path: Path) -> Iterator[tuple[str, Row]]:
-    for value in _document(path):
-        yield _object(value) if isinstance(value, dict) else ("", {})
-
-
-def _json_columns(path: Path) -> Iterator[tuple[str, Row]]:
-    """Rows of each object whose lists are of one length, in a document with lists as long as a log's."""
-    document = _document(path)
-    tables = []
-    for name, entry in [("", document), *(document.items() if isinstance(document, dict) else ())]:
-        lists = {key: x for key, x in entry.items() if isinstance(x, list) and x} if isinstance(entry, dict) else {}
-        if len({len(x) for x in lists.values()}) == 1 and not any(isinstance(x[0], dict) for x in lists.values()):
-            tables.append((name, lists))
-    if max((len(x) for _, lists in tables for x in lists.values()), default=0) >= _LEAST_ROWS:
-        for name, lists in tables:
-            for values in zip(*lists.values(), strict=True):
-                yield name, _object(dict(zip(lists, values, strict=True)))[1]
-
-
-def _document(path: Path) -> Any:
-    if path.stat().st_size > _LARGEST_LIST:
-        raise FileFormatError("expected a JSON document of 1 GiB at most; write an object a line", path)
-    try:
-        return json.loads(path.read_text(encoding="utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise FileFormatError(f"begins as a JSON document and is none: {error}; was it cut off?", path) from error
-
-
-def _object(value: dict[str, Any]) -> tuple[str, Row]:
-    """Kind of an object and its numbers and words; a list of three numbers is a triad."""
-    kind = next((str(value[key]) for key in _KIND_KEYS if isinstance(value.get(key), str)), "")
-    row: Row = {}
-    _flatten("", value, row)
-    return kind, row
-
-
-def _flatten(prefix: str, value: Any, row: Row) -> None:
-    if isinstance(value, dict):
-        for key, entry in value.items():
-            _flatten(f"{prefix}.{key}".strip("."), entry, row)
-    elif isinstance(value, list) and len(value) == 3 and all(isinstance(x, int | float) for x in value):
-        row.update({f"{prefix}_{axis}": repr(x) for axis, x in zip("xyz", value, strict=True)})
-    elif isinstance(value, bool):
-        row[prefix] = str(int(value))
-    elif isinstance(value, int | float | str) and value != "":
-        row[prefix] = " ".join(value.split()) if isinstance(value, str) else repr(value)
 
 
 def _is_labelled(row: str) -> bool:
@@ -418,7 +355,7 @@ def _axis_of_value(name: str) -> str:
 
 def _is_kind_key(name: str) -> bool:
     word = name.strip("\"' ").lower()
-    return word in _KIND_KEYS or re.sub(r"[ _]?(type|name)$", "", word) in _KIND_KEYS
+    return word in json_tables.KIND_KEYS or re.sub(r"[ _]?(type|name)$", "", word) in json_tables.KIND_KEYS
 
 
 def _column(path: Path) -> Iterator[tuple[str, Row]]:
@@ -473,9 +410,10 @@ def _vbox_row(names: list[str], fields: list[str], day: str) -> Row:
 
 
 _ROWS: dict[str, Callable[[Path], Iterator[tuple[str, Row]]]] = {
-    "json": _json_rows, "json-list": _json_list, "json-columns": _json_columns, "labels": _labels, "words": _words,
+    "json": json_tables.object_lines, "json-list": json_tables.list_of_objects, "json-columns": json_tables.lists,
+    "labels": _labels, "words": _words,
     "column": _column, "beside-nmea": _beside_nmea, "vbox": _vbox,
     "named": line_forms.named_rows, "numbered": line_forms.numbered_rows,
-    "pairs": line_forms.paired_rows, "gaps": line_forms.rows_with_gaps,
+    "triples": line_forms.triple_rows, "pairs": line_forms.paired_rows, "gaps": line_forms.rows_with_gaps,
     "free": line_forms.free_rows,
 }  # fmt: skip

@@ -50,6 +50,7 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
     starts = (hints.comment,) if hints.comment else _COMMENTS
     comments: list[tuple[int, str]] = []
     first: int | None = None
+    raw = ""  # the header's line as it stands
     header: tuple[int, str] | None = None  # the last line of words above the numbers: those before it are a banner
     sources: list[str] = []  # of each column, which a logger may name below the units
     with path.open(encoding=encoding, errors="replace", newline=None) as stream:
@@ -85,6 +86,7 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
                     names = names[0], [_with_unit(*pair) for pair in zip(names[1], units, strict=True)]
                 if table.decimal == "." and _has_decimal_commas(table, line, stream):
                     table = replace(table, decimal=",")
+                table = replace(table, header=raw if header else "")
                 return Opening(table, tuple(comments), names, fields)
             whole = replace(table, comment="\n").split(line) if above else []  # a unit may be a #
             if above and len(whole) == len(above) and (units or _are_units(whole)):
@@ -97,7 +99,7 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
                     path,
                     number,
                 )
-            header = (number, text)
+            header, raw = (number, text), line.strip()
     if header is not None:
         raise FileFormatError(
             f"there is a header ({lines.shorten(header[1])}) but no row of numbers below it", path, header[0]
@@ -234,7 +236,14 @@ def _header(table: TextTable, header: tuple[int, str], fields: list[str]) -> tup
     names, whole = table.split(header[1]), replace(table, comment="\n").split(header[1])
     if len(names) == len(fields) + 1 and names[-1] == "Comment":  # of LabVIEW, which few rows have
         names = names[:-1]
-    return header[0], whole if len(names) != len(fields) == len(whole) else names
+    names = whole if len(names) != len(fields) == len(whole) else names
+    return header[0], _behind_strokes(names) if all("|" in name for name in names) else names
+
+
+def _behind_strokes(names: list[str]) -> list[str]:
+    """Names with the units behind them: of RaceCapture's ``"AccelX"|"G"|-3.0|3.0|50`` AccelX [G]."""
+    cells = [[part.strip("\"' ") for part in name.split("|")] for name in names]
+    return [_with_unit(name, unit) for name, unit, *_ in cells]
 
 
 def _commented_header(

@@ -60,6 +60,11 @@ def test_a_second_run_in_the_file_is_not_sorted_in(tmp_path):
     with pytest.raises(FileFormatError, match="earlier than the row before"):
         schuler.read(written(tmp_path / "imu.csv", [*ROWS, *later]), bad_lines=0.01)
     many = [row for k, row in enumerate(ROWS) for _ in range(1 + (k % 50 == 7))]  # 2 %
+    far = [
+        "1e400" + row[4:] if k % 9 == 7 else row for k, row in enumerate(ROWS)
+    ]  # more than the share, and no warning
+    with pytest.raises(FileFormatError, match="t is inf"):
+        schuler.read(written(tmp_path / "imu.csv", far), bad_lines=0.01)
     with pytest.raises(FileFormatError, match="repeats the time"):
         schuler.read(written(tmp_path / "imu.csv", many), bad_lines=0.01)
 

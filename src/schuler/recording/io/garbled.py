@@ -73,7 +73,7 @@ def is_sound(raw: Raw) -> bool:
     raw : Raw
     """
     t = raw.values.get("t")
-    return not _without_number(raw)[1].any() and (t is None or bool((np.diff(t) > 0.0).all()))
+    return not _without_number(raw)[1].any() and (t is None or bool((t[1:] > t[:-1]).all()))
 
 
 def _without_number(raw: Raw) -> tuple[list[str], BoolArray]:
@@ -105,11 +105,12 @@ def put_in_order(raw: Raw, share: float) -> None:
     t = raw.values["t"]
     order = np.argsort(t, kind="stable")
     moved = order != np.arange(len(order))
-    late = int((np.diff(t) < 0.0).sum())
+    late = int((t[1:] < t[:-1]).sum())
     if late and late <= share * len(t) and np.abs(order - np.arange(len(order))).max() <= _NEAR:
         raw.keep(order)
         raw.notes.append(f"{late} times a row came after a later one: {int(moved.sum())} rows were sorted by time.")
-    again = np.concatenate(([False], np.diff(raw.values["t"]) == 0.0))
+    t = raw.values["t"]
+    again = np.concatenate(([False], t[1:] == t[:-1]))
     if 0 < again.sum() <= share * len(again):
         raw.keep(np.flatnonzero(~again))
         raw.notes.append(f"{int(again.sum())} rows repeat the time of the row before and were left out.")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from schuler import frames
+from schuler import frames, rotation
 from schuler.exceptions import InputError
 from schuler.filtering.initial_state import InitialState
 from schuler.mechanization.strapdown import NavState
@@ -15,7 +15,9 @@ from schuler.navigation.config import NavigationConfig
 from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.run import navigate, prepared_run
 from schuler.navigation.start.heading import log_likelihood
+from schuler.navigation.tuning import automatic, headings
 from schuler.navigation.tuning.headings import fitting_turn, turn_note, with_turn
+from schuler.navigation.tuning.lever import with_lever
 from schuler.simulation.scenario import prepare_mission, simulate_mission
 from schuler.units import DEG
 
@@ -90,6 +92,49 @@ def test_a_heading_that_no_noise_explains_is_found_around_the_circle(run, drive,
     assert heading_off_deg(right, drive) * DEG < 4.0 * np.sqrt(right.initial.P[2, 2])
     assert "do from a heading some 1" in turn_note(turn, gain)
     assert "do once it is smoothed" in turn_note(0.0, gain)
+
+
+def test_a_start_found_once_stays_where_smaller_noise_smooths_to_a_wrong_one(run, drive, monkeypatch):
+    """Made ready again with tuned noise, the search from 30 deg off ends in a gyro bias of 30 deg/s."""
+    right, wrong = started(run, drive, 0.0), started(run, drive, 130.0)
+    before = replace(right, initial=replace(right.initial, P=right.initial.P * 0.9))
+    monkeypatch.setattr(headings, "_smoothed", lambda prepared: prepared)
+    assert heading_off_deg(with_turn(wrong, 0.0), drive) > 125.0
+    kept = with_turn(wrong, 0.0, before)
+    assert heading_off_deg(kept, drive) < 0.1
+    np.testing.assert_allclose(kept.initial.P, before.initial.P, rtol=1e-12)
+    assert kept.schedule.t[0] > kept.initial.nav.t >= kept.increments.start - 1e-9
+    again = automatic._prepared_at(lambda config, later: wrong, 0.0, before, None, 0.0)
+    assert heading_off_deg(again, drive) < 0.1
+    # one that fits as well is taken as it comes out, and one of fixes moved in time is no start of this run
+    assert with_turn(right, 0.0, before).initial is not before.initial
+    np.testing.assert_allclose(with_turn(right, 0.0, before).initial.P, right.initial.P, rtol=1e-12)
+    assert heading_off_deg(with_turn(replace(wrong, fixes_later_s=0.1), 0.0, before), drive) > 125.0
+
+
+def test_a_start_that_stays_has_new_states_as_its_prior_has_them(run, drive):
+    """A lever arm that is estimated: the antenna is where it was, the IMU as unsure as the arm."""
+    before = started(run, drive, 0.0)
+    estimated = np.arange(run.layout.size - 9) * 1e-3
+    before = replace(before, initial=replace(before.initial, parameters=estimated))
+    config = with_lever(NavigationConfig.checked({"imu": IMU, "filter": {"smooth": False}}))
+    free = prepared_run(drive, config)
+    start = headings._carried(before.initial, before.layout, free.initial, free.layout)
+    assert start.nav is before.initial.nav
+    lever = free.layout["lever"]
+    H = np.zeros((3, free.layout.size))
+    H[:, 6:9], H[:, lever] = np.eye(3), rotation.dcm_from_rpy(start.nav.rpy_nb)
+    np.testing.assert_allclose(H @ start.P @ H.T, before.initial.P[6:9, 6:9], atol=1e-12)
+    np.testing.assert_allclose(start.P[lever, lever], 0.25 * np.eye(3), rtol=1e-12)
+    assert start.P[6, 6] > 0.25
+    for name in run.layout.models:
+        np.testing.assert_array_equal(
+            start.parameters[free.layout[name].start - 9 : free.layout[name].stop - 9],
+            estimated[run.layout[name].start - 9 : run.layout[name].stop - 9],
+        )
+        np.testing.assert_allclose(
+            start.P[free.layout[name], free.layout[name]], before.initial.P[run.layout[name], run.layout[name]]
+        )
 
 
 def test_a_run_begins_there_if_noise_may_be_tuned(run, drive, monkeypatch):

@@ -70,8 +70,9 @@ def supported_run(config: NavigationConfig, prepare: Prepare, *, aligned: bool) 
     own_start = aligned and config.alignment.method != "given"
     stated = config.filter.tune == "auto" and config.noise_is_stated
     if own_start and not stated and (other := fitting_turn(plain.run)) is not None:
-        prepare = partial(_prepared_at, prepare, other[0])
-        plain = Supported(config, prepare(config, 0.0), [turn_note(*other)])
+        before = with_turn(plain.run, other[0])
+        prepare = partial(_prepared_at, prepare, other[0], before)
+        plain = Supported(config, before, [turn_note(*other)])
     doubted = config.filter.tune is True or contradicted(plain.run)
     if stated and not doubted:
         return plain
@@ -85,9 +86,11 @@ def supported_run(config: NavigationConfig, prepare: Prepare, *, aligned: bool) 
     return _with_rough_noise(plain, tuned, prepare, own_start) if tuned.config is config else tuned
 
 
-def _prepared_at(prepare: Prepare, turn: float, config: NavigationConfig, fixes_later_s: float) -> PreparedRun:
-    """A run made ready, from the smoothed start at its heading turned. [rad]"""
-    return with_turn(prepare(config, fixes_later_s), turn)
+def _prepared_at(
+    prepare: Prepare, turn: float, before: PreparedRun, config: NavigationConfig, fixes_later_s: float
+) -> PreparedRun:
+    """A run made ready, from the smoothed start at its heading turned, or from the one found first. [rad]"""
+    return with_turn(prepare(config, fixes_later_s), turn, before)
 
 
 def _with_delay(plain: Supported, prepare: Prepare, doubted: bool, own_start: bool) -> Supported | None:

@@ -6,7 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from schuler import rotation
 from schuler.exceptions import InputError
+from schuler.filtering.initial_state import InitialState
+from schuler.filtering.states import StateLayout
 from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.start.heading import CONVICTS, FITS, log_likelihood, noisier
 from schuler.navigation.tuning.likelihood import spacing_of, thinned
@@ -60,10 +63,56 @@ def fitting_turn(prepared: PreparedRun) -> tuple[float, float] | None:
     return (turn, gain) if squares < FITS and gain > needed else None
 
 
-def with_turn(prepared: PreparedRun, turn: float) -> PreparedRun:
-    """The run from the smoothed start at its heading turned by so much. [rad]"""
+def with_turn(prepared: PreparedRun, turn: float, before: PreparedRun | None = None) -> PreparedRun:
+    """The run from the smoothed start at its heading turned by so much. [rad]
+
+    Parameters
+    ----------
+    prepared : PreparedRun
+    turn : float
+        [rad]
+    before : PreparedRun, optional
+        From the same turn with other noise or fewer states: its start stays where fixes are far likelier with it.
+
+    Notes
+    -----
+    Smoothing from tens of degrees off ends at the right start with one noise and, where the noise is smaller, in a
+    gyro bias of tens of degrees per second that turns the body with its course.
+    """
     assert prepared.headings is not None
-    return _smoothed(replace(prepared, initial=prepared.headings(turn)))
+    prior = prepared.headings(turn)
+    anew = _smoothed(replace(prepared, initial=prior))
+    if before is None or before.fixes_later_s != prepared.fixes_later_s:
+        return anew
+    initial = _carried(before.initial, before.layout, prior, prepared.layout)
+    t = initial.nav.t
+    kept = replace(
+        prepared,
+        initial=initial,
+        increments=prepared.increments.between(t - 1e-9, prepared.increments.t[-1]),
+        schedule=prepared.schedule.where(prepared.schedule.t > t),
+    )
+    both = max(t, anew.initial.nav.t)  # fixes that test both
+    one, other = (_fit(replace(r, schedule=r.schedule.where(r.schedule.t > both)))[0] for r in (anew, kept))
+    return kept if other > one + CONVICTS else anew
+
+
+def _carried(before: InitialState, layout: StateLayout, prior: InitialState, wanted: StateLayout) -> InitialState:
+    """A start with the states of another layout: what is new as in a prior start, and navigation correlated with it."""
+    blocks = [name for name in wanted.models if name in layout]
+    into = np.concatenate([np.arange(9), *(np.r_[wanted[name]] for name in blocks)])
+    out = np.concatenate([np.arange(9), *(np.r_[layout[name]] for name in blocks)])
+    new = np.setdiff1d(np.arange(wanted.size), into)
+    P, parameters = prior.P.copy(), prior.parameters.copy()
+    parameters[into[9:] - 9] = before.parameters[out[9:] - 9]
+    own = P[np.ix_(new, new)]
+    gain = P[np.ix_(into, new)] @ np.linalg.pinv(own, hermitian=True)
+    turned = rotation.dcm_from_rpy(before.nav.rpy_nb) @ rotation.dcm_from_rpy(prior.nav.rpy_nb).T
+    gain[:9] = np.einsum("ij,bjk->bik", turned, gain[:9].reshape(3, 3, len(new))).reshape(9, len(new))
+    P[np.ix_(into, new)] = gain @ own
+    P[np.ix_(new, into)] = own @ gain.T
+    P[np.ix_(into, into)] = before.P[np.ix_(out, out)] + gain @ own @ gain.T
+    return InitialState(before.nav, P, parameters)
 
 
 def turn_note(turn: float, gain: float) -> str:

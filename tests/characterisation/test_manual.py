@@ -86,12 +86,12 @@ def test_percentiles_hold_for_simulated_records(z, runs):
             assert np.mean(valley < point) == pytest.approx(share, abs=3.5 * se + 0.01), (share, point)
 
 
-@pytest.fixture(scope="module")
-def campaign():
-    """300 records of 3 h of the AQRS, at 1 Hz to be quick."""
+@pytest.fixture(scope="module", params=[100, pytest.param(300, marks=pytest.mark.campaign)])
+def campaign(request):
+    """Records of 3 h of the AQRS, at 1 Hz to be quick."""
     rng = np.random.default_rng(20051216)
     model = White(AQRS[0]) + GaussMarkov(*AQRS[1:])
-    return [identify_manually(model.sample(round(RECORD), 1.0, rng), 1.0) for _ in range(300)]
+    return [identify_manually(model.sample(round(RECORD), 1.0, rng), 1.0) for _ in range(request.param)]
 
 
 @pytest.mark.campaign

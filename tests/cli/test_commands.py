@@ -133,7 +133,10 @@ def test_navigate_with_outages_on_the_command_line(town, tmp_path, capsys):
 
 
 def test_aids_and_entries_are_changed_on_the_command_line(town, tmp_path, capsys):
-    common = ("navigate", town, "--config", CONFIG, "--out", tmp_path / "out", "--json", "--no-report", "--no-smooth")
+    common = (
+        "navigate", town, "--config", CONFIG, "--out", tmp_path / "out", "--json", "--no-report", "--no-smooth",
+        "--set", "filter.tune=false",
+    )  # fmt: skip
     numbers = answer(
         capsys, *common, "--accept", "--aid", "zero_velocity", "--aid", "non_holonomic", "--set", "filter.states=9",
         "--set", "aiding.non_holonomic.max_turn_rate_deg_s=1",
@@ -149,7 +152,10 @@ def test_aids_and_entries_are_changed_on_the_command_line(town, tmp_path, capsys
 
 
 def test_gravity_and_earth_rate_are_aids_of_the_command_line(town, tmp_path, capsys):
-    common = ("navigate", town, "--config", CONFIG, "--out", tmp_path / "out", "--json", "--no-report", "--no-smooth")
+    common = (
+        "navigate", town, "--config", CONFIG, "--out", tmp_path / "out", "--json", "--no-report", "--no-smooth",
+        "--set", "filter.tune=false",
+    )  # fmt: skip
     code, out, err = run(capsys, *common, "--aid", "gravity", "--aid", "earth_rate")
     assert code == 0, err
     assert {"gravity", "earth_rate"} <= set(json.loads(out)["measurements"])

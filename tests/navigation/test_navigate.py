@@ -344,6 +344,7 @@ def test_real_drive_with_rtk_on(shared_data):
     assert 0.1 < result.innovations.of("position").mean_nis() < 1.0
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_real_drive_through_eleven_outages(shared_data):
     """Eleven outages of 15 s: a peer's causal filter drifts 7.5 m on average with position and velocity only."""

@@ -396,7 +396,7 @@ def test_a_vehicle_in_wrong_axes_starts_from_accelerations(vehicle):
 
 @pytest.mark.parametrize("variant", ["", "_noDoppler", "_psrGaps"])
 @pytest.mark.parametrize("systems", ["GREC", "GE"])
-@pytest.mark.thinned(5)
+@pytest.mark.thinned(6)
 def test_a_roof_stays_put(shared_data, variant, systems):
     """33 s of IMU within 61 s of ranges, a pause of 0.29 s in the IMU log, heading unknown.
 

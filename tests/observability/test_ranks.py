@@ -53,7 +53,7 @@ def scheme(axis, roll=0, pitch=0, azimuth=0, *, earth=True, **rest):
 
 
 @pytest.mark.parametrize(("axis", "roll", "pitch", "azimuth", "without", "with_earth", "weak"), SCHEMES)
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(4)
 def test_ranks_of_twelve_states_by_scheme(axis, roll, pitch, azimuth, without, with_earth, weak):
     """300 s, 10 deg/s, 12 states. Without Earth rate all three rules agree; with it the Gramian's rank is the printed
     one, and directions it calls very weak are those the prior knows better."""

@@ -49,6 +49,7 @@ def base(**changes):
     return data | changes
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("name", EXPECTED)
 def test_examples(name):
     """The engine's own rows, the motion's own transitions: the expected ranks by all three rules."""

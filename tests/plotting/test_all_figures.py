@@ -95,8 +95,13 @@ def test_figure(made, name):
             check_data(figure, panel)
         for entry in figure.legend().values():
             assert entry[1] in STYLES
-        if not name.endswith(_GATHER):
-            check_drawn(replace(figure, panels=figure.panels[:_DRAWN_PANELS]))
+
+
+@pytest.mark.thinned(3)
+@pytest.mark.parametrize("name", [name for name in NAMES if not name.endswith(_GATHER)])
+def test_figure_in_given_axes(made, name):
+    for figure in made(name):
+        check_drawn(replace(figure, panels=figure.panels[:_DRAWN_PANELS]))
 
 
 def check_labels(panel: Panel, name: str) -> None:

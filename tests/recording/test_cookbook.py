@@ -249,7 +249,7 @@ def page_of(name: str) -> str:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-@pytest.mark.thinned(3)
+@pytest.mark.thinned(6)
 def test_the_page_runs(page, tmp_path, monkeypatch, capsys):
     """Commands end well (``check`` may find something in a toy log), and so does the Python."""
     monkeypatch.chdir(tmp_path)

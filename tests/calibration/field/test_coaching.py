@@ -418,11 +418,11 @@ def test_a_log_that_ends_in_a_turn_is_told_to_rest():
 
 def test_samples_and_blocks_are_the_same():
     guide, _, messages = led_automotive()
-    imu = guide.series().between(0.0, 31.0)
+    imu = guide.series().between(0.0, 16.0)
     one, two = (Coach(AUTOMOTIVE, latitude=LAT, height=HEIGHT, heading=KNOWN) for _ in range(2))
     single = [a for k in range(len(imu)) if (a := one.imu(imu.t[k], imu.gyro[k], imu.accel[k])) is not None]
     # a sample at a time asks up to half a second earlier
-    assert len(single) == sum(a.elapsed < 31.0 for a in messages)
+    assert len(single) == sum(a.elapsed < 16.0 for a in messages)
     assert [a.progress for a in single] == pytest.approx([a.progress for a in messages[: len(single)]], abs=0.03)
     two.imu(imu.t, imu.gyro, imu.accel)
     assert two.update().rests == single[-1].rests

@@ -166,7 +166,7 @@ def test_two_axes_are_better_than_one_and_one_than_none(cable):
     assert result.best(2).error < min(c.error for c in result.named())
 
 
-@pytest.mark.parametrize("cable", [False, True])
+@pytest.mark.parametrize("cable", [pytest.param(False, marks=pytest.mark.campaign), True])
 def test_everything_kept_is_within_the_limits(cable):
     result, (_, space, _) = searched(cable), prepared(cable)
     kept = [c for c in result.candidates if np.isfinite(c.error)]

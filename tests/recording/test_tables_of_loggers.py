@@ -1,12 +1,15 @@
 """Tables as loggers leave them: headers with units behind strokes, restarts, wide characters, signals, triples."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from schuler import read, units
+from schuler.exceptions import FileFormatError
 from schuler.proposal import hints, tables
+from schuler.proposal.files import Files, files_of
 from schuler.recording.io import packed
 
 IMU = "t [s],ax [m/s^2],ay [m/s^2],az [m/s^2],gx [rad/s],gy [rad/s],gz [rad/s]"
@@ -151,3 +154,44 @@ def test_an_imu_beside_the_plumb_line_and_motion_without_it_is_told_by_its_numbe
     found = tables.imu_columns(tmp_path / "motion.txt")
     assert found is not None
     assert found[0].startswith("t,ax,ay,az,gx,gy,gz,-")
+
+
+def test_a_date_is_the_time_where_its_microseconds_stand_beside_it(tmp_path):
+    head = "Human Timestamp,Unix Time,Microseconds,Latitude,Longitude,Height\n"
+    rows = "".join(f"2024/05/17 16:53:{k:02d}.300000,{1715964782 + k},300000,48.7,9.1{k},300\n" for k in range(9))
+    path = tmp_path / "RawGNSS.csv"
+    path.write_text(head + rows)
+    np.testing.assert_allclose(np.diff(read(path, sigma="1,1,1").need_gnss().t), 1.0, atol=1e-9)  # rounding
+
+
+def test_of_two_tables_of_an_imu_the_one_that_feels_gravity_is_read(tmp_path):
+    for name, down in (("RawSensors.csv", -9.8), ("State.csv", 0.02)):
+        rows = [f"{k / 50:.2f},0.0,0.{k % 3},{down},0.0,0.0{k % 5},0.0" for k in range(300)]
+        (tmp_path / name).write_text("\n".join(["t [s],ax,ay,az,gx,gy,gz", *rows]) + "\n")
+    assert files_of([tmp_path], {}).entries["imu"]["file"] == "RawSensors.csv"
+
+
+def test_lists_of_objects_in_a_document_are_tables_by_their_names(tmp_path):
+    samples = [{"timestamp": 1715964782000 + 20 * k, "x": -0.9, "y": 0.01 * k, "z": 0.02} for k in range(40)]
+    places = [{"timestamp": 1715964782000 + 1000 * k, "latitude": 48.7, "longitude": 9.1 + 1e-5 * k} for k in range(20)]
+    path = tmp_path / "ride.json"
+    path.write_text(json.dumps({"id": "b1", "accelerometer": samples, "gyro": samples, "gps": places}, indent=4))
+    assert packed.tables(path) == ("accelerometer.csv", "gps.csv", "gyro.csv")
+
+
+def test_a_sign_of_an_accelerometer_in_a_file_of_its_own_is_none_of_the_gyroscope():
+    halves = Files(Path(), {"accel": {"file": "a.csv"}, "gyro": {"file": "g.csv"}})
+    halves.put("imu", {"scale": "accel=-1"})
+    assert halves.entries == {"accel": {"file": "a.csv", "scale": "accel=-1"}, "gyro": {"file": "g.csv"}}
+
+
+def test_fixes_written_twice_are_left_out_and_counted(tmp_path):
+    path = tmp_path / "gps.csv"
+    rows = [f"{k},48.7,{9.1 + 1e-5 * k:.6f},300.0" for k in range(9)]
+    path.write_text("\n".join(["t,lat,lon,h", *(row for row in rows for _ in range(2))]) + "\n")
+    recording = read(path, sigma="3,3,5")
+    assert len(recording.need_gnss()) == 9
+    assert any("9 rows that are the same as the one before" in note for note in recording.metadata.notes)
+    path.write_text("\n".join(["t,lat,lon,h", *rows[:5], rows[4].replace("48.7", "48.8"), *rows[5:]]) + "\n")
+    with pytest.raises(FileFormatError, match="repeats the time"):
+        read(path, sigma="3,3,5")

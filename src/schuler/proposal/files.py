@@ -78,7 +78,7 @@ class Files:
                     if name in own:
                         pairs = [pair for pair in str(own[name]).split(",") if not pair.startswith(f"{other}=")]
                         own[name] = ",".join(pairs)
-                self.entries[half] |= own
+                self.entries[half] |= {name: value for name, value in own.items() if value != ""}
             return
         entry = self.entry(part)
         if entry is not None:

@@ -222,6 +222,20 @@ def rates_by_name(path: Path, given: str | None, axes: str) -> str | None:
     return ",".join({"gx": "gy", "gy": "gx"}.get(name, name) for name in names)
 
 
+def feels_gravity(path: Path) -> bool:
+    """Whether the specific forces of a table have the norm of gravity in some unit; true where that cannot be told.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    if not is_plain(path):
+        return True
+    names, _ = _layout(path, None)
+    accel = [names.index(name) for name in columns.ACCEL if name in names]
+    return len(accel) < 3 or tables.is_gravity(path, accel)
+
+
 def unit_of(entry: Mapping[str, Any] | None, group: str) -> str | None:
     """Unit that an entry states of a group of columns."""
     pairs = str((entry or {}).get("units", "")).split(",")

@@ -12,6 +12,7 @@ import numpy as np
 
 from schuler.exceptions import SchulerError
 from schuler.proposal.decision import Decision, UndecidedError
+from schuler.proposal.hints import feels_gravity
 from schuler.recording.io import dispatch, packed
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.over_ground import NO_HEIGHT
@@ -52,6 +53,8 @@ def chosen(
     why = ""
     if len(named) == 1:
         best, why = named[0], "its header names columns and units"
+    elif part == "imu" and len(felt := [f for f in rivals if feels_gravity(packed.resolved(log / f[1]))]) == 1:
+        best, why = felt[0], "the others feel no gravity: motion that a filter has made of it"
     elif part == "imu" and _are_units_of_one_file(log, [name for _, name, _, _ in rivals]):
         best, why = min(rivals, key=lambda f: f[1]), "it is the first of several units in one file"
     elif part == "gnss":

@@ -223,6 +223,19 @@ def norm(path: Path, accel: Sequence[int]) -> float:
         return float(np.median(np.linalg.norm(values[:, accel], axis=1)))
 
 
+def is_gravity(path: Path, accel: Sequence[int]) -> bool:
+    """Whether the norm of specific force is gravity's in some unit; true of a table too short to tell.
+
+    Parameters
+    ----------
+    path : Path
+    accel : sequence of int
+        Its columns.
+    """
+    values = _numbers(path, accel)
+    return values is None or len(values) < _BLOCK or _is_gravity(values[:, accel])
+
+
 def accel_unit(size: float) -> str:
     """Unit in which gravity has about a norm; m/s^2 where it is none of the usual ones.
 

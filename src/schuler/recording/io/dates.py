@@ -12,7 +12,7 @@ from schuler.arrays import FloatArray, IntArray
 
 NS = 1_000_000_000
 _ISO = re.compile(
-    r"((?:19[89]|20\d)\d-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)(?:[.,](\d+))?\s*(Z|UTC|([+-])(\d\d)(?::?(\d\d))?)?",
+    r"((?:19[89]|20\d)\d[-/]\d\d[-/]\d\d)[T ](\d\d:\d\d:\d\d)(?:[.,](\d+))?\s*(Z|UTC|([+-])(\d\d)(?::?(\d\d))?)?",
     re.IGNORECASE,
 )
 
@@ -116,7 +116,7 @@ def unix_ns(fields: Iterable[str]) -> tuple[IntArray, bool, int | None]:
             bad = row
             break
         day, clock, decimals, zone, sign, hours, minutes = match.groups()
-        days.append(f"{day}T{clock}")
+        days.append(f"{day.replace('/', '-')}T{clock}")
         east = 0 if sign is None else int(f"{sign}1") * (3600 * int(hours) + 60 * int(minutes or 0))
         parts.append(int((decimals or "").ljust(9, "0")[:9]) - east * NS)
         zoned = zoned and zone is not None

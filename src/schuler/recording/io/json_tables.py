@@ -36,7 +36,7 @@ def kind_of(text: str, *, cut: bool) -> str | None:
             good += isinstance(json.loads(row), dict)
         except (ValueError, RecursionError):
             continue
-    if (good == 0 or len(rows) < 3) and re.search(r'"\w+"\s*:\s*\[\s*\[?\s*[-+\d.]', text):
+    if (good == 0 or len(rows) < 3) and re.search(r'"\w+"\s*:\s*\[\s*(\[?\s*[-+\d.]|\{)', text):
         return "json-columns"
     return "json" if len(rows) > 2 and good > _NEARLY_ALL * min(len(rows), _LOOKED_AT) else None
 
@@ -63,6 +63,9 @@ def lists(path: Path) -> Iterator[tuple[str, Row]]:
     if isinstance(document, dict) and (signals := _signals(document)):
         yield from _together(signals)
         return
+    for name, entry in document.items() if isinstance(document, dict) else ():
+        if isinstance(entry, list) and len(entry) >= _LEAST_ROWS and all(isinstance(x, dict) for x in entry):
+            yield from ((name, _object(x)[1]) for x in entry)
     tables = []
     for name, entry in [("", document), *(document.items() if isinstance(document, dict) else ())]:
         lists = {key: x for key, x in entry.items() if isinstance(x, list) and x} if isinstance(entry, dict) else {}

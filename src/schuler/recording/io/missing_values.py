@@ -62,6 +62,16 @@ def load(
     return values, truncated
 
 
+def _leave_out_twice(raw: Raw) -> None:
+    """Leave out fixes that are the same as the one before, time and all: they were written twice."""
+    if "t" not in raw.values or len(raw.values["t"]) < 2:
+        return
+    same = np.all([values[1:] == values[:-1] for values in raw.values.values()], axis=0)
+    if same.any():
+        raw.keep(np.flatnonzero(np.concatenate(([True], ~same))))
+        raw.notes.append(f"{int(same.sum())} rows that are the same as the one before were left out.")
+
+
 def settle(raw: Raw, series: str) -> None:
     """Fill, mark or leave out what a table may lack, in place, and note it.
 
@@ -77,6 +87,7 @@ def settle(raw: Raw, series: str) -> None:
         _interpolate_temperature(raw)
         _hold_magnetometer(raw)
     if series == "gnss":
+        _leave_out_twice(raw)
         for name in [n for n in columns.OVER_GROUND if n in raw.values and "lat" in raw.values]:
             empty = np.isnan(raw.values[name])
             if empty.any():

@@ -191,7 +191,7 @@ def columns_of(opening: Opening) -> list[tuple[str, str | None] | None]:
     A lone date is the time whatever it is called, unless another column is surely it.
     """
     names = [] if opening.header is None else opening.header[1]
-    read = columns.recognise_all(names)
+    read = _without_decimals(columns.recognise_all(names), opening)
     clock = next((k for k, column in enumerate(read) if column is not None and column[0] == "t"), None)
     if clock is not None and columns.recognise(names[clock]) is None and columns.unit_in(names[clock]) is None:
         dated = [k for k, field in enumerate(opening.fields) if dates.is_date(field)]
@@ -203,6 +203,21 @@ def columns_of(opening: Opening) -> list[tuple[str, str | None] | None]:
         if len(stamps) == 1 and read[stamps[0]] is None:
             read[stamps[0]] = ("t", None)
     return _first_clock(read, opening)
+
+
+def _without_decimals(
+    read: list[tuple[str, str | None] | None], opening: Opening
+) -> list[tuple[str, str | None] | None]:
+    """Columns with a date as the time, where the time was one that holds the microseconds of that date."""
+    dated = [k for k, field in enumerate(opening.fields) if dates.is_date(field)]
+    times = [k for k, column in enumerate(read) if column is not None and column[0] == "t"]
+    if len(dated) != 1 or len(times) != 1 or dated == times or len(read) != len(opening.fields):
+        return read
+    micros = re.search(r"[.,](\d{6})\D*$", opening.fields[dated[0]])
+    field = opening.fields[times[0]]
+    if micros is None or not field.isdigit() or int(field) != int(micros[1]):
+        return read
+    return [("t", None) if k == dated[0] else None if k == times[0] else column for k, column in enumerate(read)]
 
 
 def _first_clock(read: list[tuple[str, str | None] | None], opening: Opening) -> list[tuple[str, str | None] | None]:

@@ -493,7 +493,7 @@ def settings(states=42, **sections):
         "imu": dict(SHEET),
         "gnss": {"lever_arm_m": LEVER},
         "alignment": {"sideslip_deg": 0.1, "tilt_floor_deg": 0.02},
-        "filter": {"states": states, "smooth": False},
+        "filter": {"states": states, "smooth": False, "tune": False},
         "outages": {"windows_s": [OUTAGE]},
     }
     for name, section in sections.items():

@@ -54,7 +54,7 @@ def drive():
 
 
 def config(**sections):
-    return {"imu": dict(IMU), "filter": {"smooth": False}, **sections}
+    return {"imu": dict(IMU), "filter": {"smooth": False, "tune": False}, **sections}
 
 
 def horizontal_nees(result, reference):

@@ -50,6 +50,7 @@ def config(recording, **sections):
         "gnss": {"lever_arm_m": list(ac.LEVER)},
         "alignment": {"method": "given", "rpy_deg": list(rpy), "sigma_deg": [0.3, 0.3, 0.6]},
         "outages": {"windows_s": [[60.0, 100.0]]},
+        "filter": {"tune": False},
     }
     for name, section in sections.items():
         data[name] = {**data.get(name, {}), **section}

@@ -34,7 +34,7 @@ def town():
 @pytest.fixture(scope="module")
 def config():
     aids = [("aiding.zero_velocity", {}), ("aiding.non_holonomic.mount_sigma_deg", 0.0), ("aiding.odometer", {})]
-    return NavigationConfig.load(EXAMPLES / "town_navigation.toml", aids)
+    return NavigationConfig.load(EXAMPLES / "town_navigation.toml", [*aids, ("filter.tune", False)])
 
 
 @pytest.fixture(scope="module")

@@ -41,7 +41,7 @@ def test_a_continued_run_is_the_run_of_its_own(town, entries):
 
     Aids without GNSS go on in both; they are offered at other instants (the rate counts from the start).
     """
-    config = NavigationConfig.load(EXAMPLES / "town_navigation.toml", entries)
+    config = NavigationConfig.load(EXAMPLES / "town_navigation.toml", [*entries, ("filter.tune", False)])
     outages = outage_statistics(town, config, lengths=(5.0, 40.0), starts=[62.0, 90.0])
     assert outages.starts[0] <= 62.0 < outages.starts[0] + 1.0
     for i, start in enumerate(outages.starts):

@@ -84,7 +84,7 @@ def test_a_turned_mount_comes_out_within_its_claim(yaw_deg):
     for seed in range(1, 7):
         recording = turned_drive(seed, yaw_deg)
         config = {
-            "imu": IMU, "gnss": {"lever_arm_m": [0.0, 0.0, -1.0]}, "filter": {"smooth": False},
+            "imu": IMU, "gnss": {"lever_arm_m": [0.0, 0.0, -1.0]}, "filter": {"smooth": False, "tune": False},
             "aiding": {"non_holonomic": {"mount_sigma_deg": 5.0}}, "alignment": {"min_speed_m_s": 5.0},
         }  # fmt: skip
         result = navigate(recording, config)

@@ -121,7 +121,7 @@ def test_a_plain_log_is_converted_with_hints(tmp_path, capsys):
 def test_navigate_with_outages_on_the_command_line(town, tmp_path, capsys):
     numbers = answer(
         capsys, "navigate", town, "--config", CONFIG, "--out", tmp_path / "out", "--json", "--no-report",
-        "--outage", "60:80", "--outage", "100:110", "--smooth",
+        "--outage", "60:80", "--outage", "100:110", "--smooth", "--set", "filter.tune=false",
     )  # fmt: skip
     assert [(o["start_s"], o["stop_s"]) for o in numbers["outages"]] == [(60.0, 80.0), (100.0, 110.0)]
     assert numbers["smoothed"]["mean_outage_max_horizontal_m"] < numbers["mean_outage_max_horizontal_m"]
@@ -235,7 +235,7 @@ def test_figures_are_files_where_they_are_asked_for(town, tmp_path, capsys, monk
     # one figure of nineteen; that all of them are drawn is tests/navigation/report/test_figures.py
     monkeypatch.setattr("schuler.navigation.report.figures.save_all", lambda *_: [])
     command = ("navigate", town, "--config", CONFIG, "--out", tmp_path, "--no-report", "--figures", "--json")
-    written = answer(capsys, *command, "--outage", "60:90")["files"]
+    written = answer(capsys, *command, "--outage", "60:90", "--set", "filter.tune=false")["files"]
     assert not (tmp_path / "report.html").exists()
     assert (tmp_path / "figures" / "overview.png").stat().st_size > 1000
     assert {"figure_overview_png", "figure_overview_svg"} <= set(written)
@@ -248,7 +248,7 @@ def test_without_a_reference_the_antenna_is_compared_with_the_fixes(town, tmp_pa
     io.write(recording, tmp_path / "town.parquet")
     numbers = answer(
         capsys, "navigate", tmp_path / "town.parquet", "--config", CONFIG, "--out", tmp_path, "--json", "--no-report",
-        "--smooth",
+        "--smooth", "--set", "filter.tune=false",
     )  # fmt: skip
     assert numbers["reference"] == "GNSS fixes at the antenna"
     assert numbers["nees_mean"] is None

@@ -238,6 +238,21 @@ def test_what_turns_a_free_transition_is_that_of_its_system_matrix():
             np.testing.assert_allclose(left[i : i + 3, j : j + 3], block, atol=0.02 * np.abs(block).max())
 
 
+def test_coriolis_of_what_a_tilt_makes_of_specific_force_is_that_of_the_system_matrix():
+    """Constant force in Earth axes for a second, less the force itself, beside which Coriolis does not show.
+
+    Discretisation: 2 % is more than gravity and the next order of the Earth's turn add.
+    """
+    from schuler.filtering.kernels.covariance import transition
+
+    r, f, T = frames.ecef_from_llh([0.7, -2.1, 300.0]), np.array([3.0, -2.0, 9.0]), 1.0
+    A, acc = np.eye(9), np.concatenate(([T, 0.0], f * T, 0.5 * f * T * T))
+    transition(A, acc, np.concatenate(([1.0, 0.0, 0.0, 0.0], np.zeros(3), r)), earth.WGS84.omega_ie)
+    F = system_matrix_ecef(LAYOUT, np.eye(3), r, np.zeros(3), f, np.zeros(M))[:9, :9]
+    left, expected = (X[3:6, 0:3] - T * F[3:6, 0:3] for X in (A, expm(F * T)))
+    np.testing.assert_allclose(left, expected, atol=0.02 * np.abs(expected).max())
+
+
 def test_unknown_position_unit_is_refused():
     llh, v, C, omega, f, _ = random_state(0)
     with pytest.raises(InputError, match="expected 'metres' or 'radians', got 'degrees'"):

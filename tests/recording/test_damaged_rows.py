@@ -140,3 +140,16 @@ def test_rows_shorter_than_their_header_are_refused_by_what_is_proposed_too(tmp_
     path = written(tmp_path / "imu.csv", [row.rpartition(",")[0] for row in ROWS], "t,gx,gy,gz,ax,ay,az")
     with pytest.raises(FileFormatError, match="the header names 7 columns"):
         schuler.read(path, **files_of([path], {}).entries)
+
+
+def test_of_two_files_of_one_receiver_that_with_velocities_is_taken(tmp_path):
+    written(tmp_path / "imu.csv", ROWS)
+    head = "time [s],lat [deg],lon [deg],alt [m]"
+    places = [row.rsplit(",", 2)[0] for row in PLACE]
+    written(tmp_path / "gps.csv", places, head)
+    written(tmp_path / "locations.csv", PLACE, f"{head},speed [m/s],course [deg]")
+    assert files_of([tmp_path], {}).entries["gnss"]["file"] == "locations.csv"
+    # ten times as many are a filter's, beside which the receiver's by its name is taken
+    often = [f"{0.1 * k:.1f},{48.7 + 1e-6 * k:.7f},9.1,300.0,2.0,0" for k in range(600)]
+    written(tmp_path / "locations.csv", often, f"{head},speed [m/s],course [deg]")
+    assert files_of([tmp_path], {}).entries["gnss"]["file"] == "gps.csv"

@@ -20,6 +20,7 @@ from schuler.recording.series import GnssSeries
 
 _RECEIVER = re.compile(r"gps|gnss", re.IGNORECASE)  # others may be a filter's positions
 _NUMBERED = re.compile(r"\d*(?=\.csv$)")  # at the end of a table's name
+_AS_MANY = 1.1  # ratio of two rates of fixes that are the same
 _COMMON_S, _SLACK_M, _RADIUS_M = 10.0, 0.3, 6.371e6
 
 
@@ -63,7 +64,10 @@ def chosen(
         best, second = sorted(rivals, key=lambda f: claims[f[1]])[:2]
         receivers = [f for f in rivals if _RECEIVER.search(f[1].rpartition("/")[2])]
         high = [f for f in rivals if (g := fixes[f[1]]) is not None and g.cov_r_n[:, 2, 2].max() < NO_HEIGHT**2]
-        if len(receivers) == 1:
+        if (faster := _with_velocities(fixes)) and _agree(fixes[best[1]], fixes[second[1]], max(claims.values())):
+            best = next(f for f in rivals if f[1] == faster)
+            why = "its fixes agree with those of the other, are as many a second and have velocities"
+        elif len(receivers) == 1:
             best, why = receivers[0], "it is a receiver's by its name"
         elif len(high) == 1:
             best, why = high[0], "it alone has heights"
@@ -102,6 +106,15 @@ def _fixes(path: Path, entry: Mapping[str, Any]) -> GnssSeries | None:
 def _claim(gnss: GnssSeries) -> float:
     """Median 1-sigma of fixes, north and east. [m]"""
     return float(np.sqrt(np.median(np.trace(gnss.cov_r_n[:, :2, :2], axis1=1, axis2=2) / 2.0)))
+
+
+def _with_velocities(fixes: Mapping[str, GnssSeries | None]) -> str | None:
+    """Of two files with as many fixes a second, which a filter's beside a receiver's are not, that with velocities."""
+    if len(fixes) != 2 or any(g is None or len(g) < 2 for g in fixes.values()):
+        return None
+    moving = [name for name, g in fixes.items() if g is not None and g.v_n is not None]
+    steps = [float(np.median(np.diff(g.t))) for g in fixes.values() if g is not None]
+    return moving[0] if len(moving) == 1 and max(steps) < _AS_MANY * min(steps) else None
 
 
 def _agree(a: GnssSeries | None, b: GnssSeries | None, sigma: float) -> bool:

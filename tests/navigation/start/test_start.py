@@ -299,6 +299,27 @@ def test_fixes_five_seconds_apart_level_and_the_gyro_bias_is_in_the_claim(k):
         level_in_motion(rates, gnss.where([0]), 0, 0.0, 0.01, (b, 1e-4), section, SPEC)
 
 
+@pytest.mark.parametrize("b_a", [(0.1, 0.0, 0.0), (0.0, -0.1, 0.0), (-0.05, 0.08, 0.0)])
+def test_an_accelerometer_bias_tilts_a_start_in_motion_as_it_says(b_a):
+    """Its sensitivity against the start of a log with the bias in it. Discretisation: squares of 0.01 rad."""
+    t, at, heading = np.arange(0.0, 3.001, 0.01), np.arange(4.0), 0.7
+    C_nb = rotation.dcm_from_rpy([0.05, -0.08, heading])
+    force = -C_nb.T @ earth.gravity_ned(PLACE[0], PLACE[2])
+    v = np.tile([10.0 * np.cos(heading), 10.0 * np.sin(heading), 0.0], (4, 1))
+    eyes = np.tile(np.eye(3), (4, 1, 1))
+    gnss = GnssSeries(at, np.tile(PLACE, (4, 1)), eyes, v, 1e-4 * eyes)
+    exact, biased = (
+        level_in_motion(
+            ImuSeries(t, np.zeros((len(t), 3)), np.tile(force + b, (len(t), 1))), gnss, 1, heading, 0.1,
+            (np.zeros(3), 1e-3), AlignmentSection(), SPEC,
+        )
+        for b in (np.zeros(3), np.array(b_a))
+    )  # fmt: skip
+    error = rotation.rotvec_from_dcm(biased.C_nb @ exact.C_nb.T)
+    assert np.linalg.norm(error[:2]) > 0.005
+    np.testing.assert_allclose(error[:2], (-exact.psi_accel @ b_a)[:2], atol=2e-4)
+
+
 @pytest.mark.parametrize("begin", [40.0, 55.0, 70.0])
 def test_a_run_starts_in_motion_where_fixes_are_five_seconds_apart(drive, begin):
     part = drive.between(begin, 1e9)

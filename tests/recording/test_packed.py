@@ -356,3 +356,14 @@ def test_damaged_texts_are_read_or_refused_in_words(form, tmp_path):
         path.write_bytes(bytes(text) if k < 20 else mutators.damage("csv", sample, k))
         with targets.unguarded(), contextlib.suppress(SchulerError):
             as_proposed(path)
+
+
+def test_numbers_beyond_all_floats_and_samples_that_are_words_make_no_table(tmp_path):
+    signals = {"a": {"unit": "g", "values": [[k, 10**400 if k == 5 else 1.0] for k in range(30)]}}
+    (tmp_path / "signals.json").write_text(json.dumps(signals))
+    assert packed.tables(tmp_path / "signals.json") == ()
+    line = 'Data,2,gps,lat,"581",deg,alt,"x",counts,b,"1|2",counts\n'
+    (tmp_path / "log.csv").write_text(40 * line)
+    assert packed.tables(tmp_path / "log.csv") == ("gps.csv",)
+    (tmp_path / "log.csv").write_text(40 * f'Data,2,gps,lat,"{140_000 * "1"}",deg,b,"1|2",counts\n')
+    assert packed.tables(tmp_path / "log.csv") == ()

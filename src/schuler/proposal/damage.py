@@ -41,10 +41,8 @@ def leave_out_garbled(files: Files, given: Mapping[str, Any]) -> bool:
         if mended := _tables(path, {**entry, "bad_lines": _SHARE}):
             notes = [note for raw in mended for note in raw.notes if "left out" in note or "sorted" in note]
             why = "it cannot be read without: " + " ".join(dict.fromkeys(notes)).rstrip(".")
-            files.entries = {
-                **files.entries,
-                **({part: {**entry, "bad_lines": _SHARE}} if part else {"bad_lines": _SHARE}),
-            }
+            new = {**entry, "bad_lines": _SHARE}
+            files.entries = {**files.entries, part: new} if part else new
             label = f"recording.{part}.bad_lines" if part else "recording.bad_lines"
             files.decisions.append(Decision(label, _SHARE, why))
             done = True

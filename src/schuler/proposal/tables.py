@@ -233,7 +233,10 @@ def is_gravity(path: Path, accel: Sequence[int]) -> bool:
         Its columns.
     """
     values = _numbers(path, accel)
-    return values is None or len(values) < _BLOCK or _is_gravity(values[:, accel])
+    if values is None or len(values) < _BLOCK or max(accel) >= values.shape[1]:
+        return True
+    with np.errstate(over="ignore", invalid="ignore"):  # damaged rows may hold anything
+        return _is_gravity(values[:, accel])
 
 
 def accel_unit(size: float) -> str:

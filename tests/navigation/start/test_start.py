@@ -299,11 +299,15 @@ def test_fixes_five_seconds_apart_level_and_the_gyro_bias_is_in_the_claim(k):
         level_in_motion(rates, gnss.where([0]), 0, 0.0, 0.01, (b, 1e-4), section, SPEC)
 
 
-@pytest.mark.parametrize("b_a", [(0.1, 0.0, 0.0), (0.0, -0.1, 0.0), (-0.05, 0.08, 0.0)])
-def test_an_accelerometer_bias_tilts_a_start_in_motion_as_it_says(b_a):
-    """Its sensitivity against the start of a log with the bias in it. Discretisation: squares of 0.01 rad."""
+@pytest.mark.parametrize("pitch", [-0.08, 1.05])
+@pytest.mark.parametrize("b_a", [(0.1, 0.0, 0.0), (0.0, -0.1, 0.0), (-0.05, 0.08, 0.1)])
+def test_an_accelerometer_bias_tilts_a_start_in_motion_as_it_says(b_a, pitch):
+    """Its sensitivity against the start of a log with the bias in it, flat and as a phone stands in a mount.
+
+    Discretisation: squares of 0.01 rad.
+    """
     t, at, heading = np.arange(0.0, 3.001, 0.01), np.arange(4.0), 0.7
-    C_nb = rotation.dcm_from_rpy([0.05, -0.08, heading])
+    C_nb = rotation.dcm_from_rpy([0.05, pitch, heading])
     force = -C_nb.T @ earth.gravity_ned(PLACE[0], PLACE[2])
     v = np.tile([10.0 * np.cos(heading), 10.0 * np.sin(heading), 0.0], (4, 1))
     eyes = np.tile(np.eye(3), (4, 1, 1))

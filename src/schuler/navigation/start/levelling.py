@@ -141,7 +141,7 @@ def level_in_motion(
     s = rotation.dcm_from_rpy(np.array([0.0, 0.0, heading])).T @ f_n  # axes turned to the heading, still level
     # roll and pitch of axes whose x is not near the vertical, where the two cannot be told from the heading
     C_vb = _about_y(f_b)
-    f_v = C_vb @ f_b
+    f_v = C_vb @ f_b * (np.linalg.norm(s) / np.linalg.norm(f_b))  # a bias along the force tilts nothing
     # f_v = R_x(roll)' R_y(pitch)' s: pitch from the forward, roll from the cross components
     pitch = np.arctan2(s[0], s[2]) - np.arctan2(f_v[0], -np.sqrt(max(s[0] ** 2 + s[2] ** 2 - f_v[0] ** 2, 0.0)))
     pitch = float(frames.wrap_angle(pitch))

@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 
 from schuler.exceptions import FileFormatError
 from schuler.recording.io import line_forms, text_head
+from schuler.recording.io.raw import HUGE
 
 Row: TypeAlias = dict[str, str]
 _LOOKED_AT = 200  # lines by which a file is recognised
@@ -90,7 +91,7 @@ def _signals(document: dict[str, Any]) -> dict[str, list[Any]]:
 
 
 def _is_pair(x: Any) -> bool:
-    return isinstance(x, list) and len(x) == 2 and all(isinstance(number, int | float) for number in x)
+    return isinstance(x, list) and len(x) == 2 and all(isinstance(v, int | float) and abs(v) < HUGE for v in x)
 
 
 def _together(signals: dict[str, list[Any]]) -> Iterator[tuple[str, Row]]:

@@ -155,7 +155,10 @@ def are_triples(rows: Sequence[str]) -> bool:
 
 def _triples(row: str) -> tuple[str, dict[str, list[str]]]:
     """Kind of a line, the last word before its names, and samples by names with units; no names if it is no such."""
-    fields = next(csv.reader([row]), [])
+    try:
+        fields = next(csv.reader([row]), [])
+    except csv.Error:  # a field of more than its limit
+        return "", {}
     start = next((k for k in range(1, len(fields) - 1) if WORD.fullmatch(fields[k]) and _samples(fields[k + 1])), 0)
     if not start:
         return "", {}
@@ -169,7 +172,7 @@ def _triples(row: str) -> tuple[str, dict[str, list[str]]]:
             return "", {}
         if samples:
             out[f"{name} [{unit}]" if unit and text_head.is_unit(unit) else name] = samples
-        if unit == "counts":
+        if samples and unit == "counts":
             out[f"{name} [{unit}]"] = out.pop(name)
     return next((field for field in reversed(fields[:start]) if WORD.fullmatch(field)), ""), out
 

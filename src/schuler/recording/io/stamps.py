@@ -54,7 +54,7 @@ def spread_with_all(opening: Opening, at: int, numbers: Sequence[int]) -> FloatA
     if (evenly := spread_bursts(t)) is None:
         return None
     moved = dict(zip((number for number, _ in kept), evenly[0] - t, strict=True))
-    return np.array([moved[number] for number in numbers])
+    return np.array([moved.get(number, 0.0) for number in numbers])  # one that is no number is refused later
 
 
 def dated_column(opening: Opening, chosen: dict[str, int]) -> int | None:

@@ -109,7 +109,7 @@ def _claim(gnss: GnssSeries) -> float:
 
 
 def _with_velocities(fixes: Mapping[str, GnssSeries | None]) -> str | None:
-    """Of two files with as many fixes a second, which a filter's beside a receiver's are not, that with velocities."""
+    """The file with velocities, of two with as many fixes a second, which a filter's beside a receiver's are not."""
     if len(fixes) != 2 or any(g is None or len(g) < 2 for g in fixes.values()):
         return None
     moving = [name for name, g in fixes.items() if g is not None and g.v_n is not None]

@@ -20,7 +20,10 @@ RULES = (
         "log",
         r"\.(obs|rnx|nav|pos|ubx|sp3|imu|\d\d[nNoOlLbB])$|/(imu0|state_groundtruth_estimate0)/data\.csv$|/(imu_gpst|vn310-\w+(-after)?)\.csv$|/static_z[^/]*\.csv$",
     ),
-    ("log", r"/(insgpseo_tc\.mat|android_pixel6\.txt)$|oan_phone_drive/.*\.csv$|pyshoe_(more|vicon)/.*\.mat$"),
+    (
+        "log",
+        r"/(insgpseo_tc\.mat|android_pixel6\.txt|Pixel4_ground_truth\.csv)$|oan_phone_drive/.*\.csv$|pyshoe_(more|vicon)/.*\.mat$",
+    ),
     ("log", r"snu_staticposes/\w+\.txt$"),  # told by its numbers: gravity's norm, turns between rests
     # tables and arrays of which only their owner knows what they are
     ("hints", r"\.(csv|txt|dat|mat|npz|npy|log)$"),

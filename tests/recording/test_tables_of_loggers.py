@@ -151,9 +151,9 @@ def test_an_imu_beside_the_plumb_line_and_motion_without_it_is_told_by_its_numbe
     ]
     x = np.hstack([1e12 + 10.0 * np.arange(n)[:, None], down + linear, gyro, mag, q, *others])
     np.savetxt(tmp_path / "motion.txt", x, fmt=["%d", *["%.7f"] * (x.shape[1] - 1)])
-    found = tables.imu_columns(tmp_path / "motion.txt")
-    assert found is not None
-    assert found[0].startswith("t,ax,ay,az,gx,gy,gz,-")
+    proposed = tables.imu_columns(tmp_path / "motion.txt")
+    assert proposed is not None
+    assert proposed[0].startswith("t,ax,ay,az,gx,gy,gz,-")
 
 
 def test_a_date_is_the_time_where_its_microseconds_stand_beside_it(tmp_path):

@@ -32,6 +32,7 @@ _CALLED = {
 _COUNTS_PER_G = (2048.0, 4096.0, 8192.0, 16384.0)  # of 16 bits over 16, 8, 4 and 2 g
 _UNIT_NORM = 1e-3  # digits of a written quaternion
 _WIDEST, _HIGHEST_M = 20, 9000.0  # columns of a table of fixes, and heights of vehicles
+_COUNTED = 0.99  # share of steps of one that make a counter of rows, which may begin again
 _UNIX_S = (1e9, 2.1e9)  # the years 2001 to 2036
 
 
@@ -348,13 +349,13 @@ def _seconds(field: str) -> str:
 
 
 def _is_clock(x: FloatArray) -> bool:
-    """Whether a column increases like a clock: nearly always, by steps of nearly one size, not by one each row."""
+    """Whether a column increases like a clock: nearly always, by steps of nearly one size, not as a counter of rows."""
     step = np.diff(x)
     usual = float(np.median(step))
     if usual <= 0.0 or np.mean(step > 0.0) < 0.98:
         return False
     near = np.abs(step - usual) < 0.8 * usual
-    return bool(near.mean() > 0.9 and not (usual == 1.0 and (step == 1.0).all()))
+    return bool(near.mean() > 0.9 and not (usual == 1.0 and (step == 1.0).mean() > _COUNTED))
 
 
 def _attitude(values: FloatArray) -> set[int]:

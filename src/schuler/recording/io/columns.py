@@ -95,7 +95,7 @@ def _spellings() -> dict[str, str]:
         table[word] = "course"
     for word in ("sog", "speed_over_ground", "ground_speed", "groundspeed"):
         table[word] = "speed"
-    table |= {"hdg": "heading", "sigma_heading": "sheading", "sigma_height": "sh"}
+    table |= {"height_above_wgs84_ellipsoid": "h", "hdg": "heading", "sigma_heading": "sheading", "sigma_height": "sh"}
     return table
 
 

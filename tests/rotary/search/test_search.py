@@ -2,7 +2,9 @@
 
 import _thread
 import itertools
+import threading
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 
@@ -16,6 +18,7 @@ from schuler.exceptions import ConfigError, InputError
 from schuler.recording.series import Increments
 from schuler.rotary.platform_usage import PlatformLimits, usage, within
 from schuler.rotary.rotating_imu import RotatingMotion, ideal_rotating_imu
+from schuler.rotary.search import evolution
 from schuler.rotary.search.evolution import SearchSettings, search_schemes
 from schuler.rotary.search.families import SchemeSpace, families, place_of, schedule_of
 from schuler.rotary.search.named_schemes import named_schemes
@@ -252,6 +255,22 @@ def test_interrupted_it_keeps_the_best_so_far():
     assert result.best().error <= min(c.error for c in result.named())
     assert "INTERRUPTED" in result.summary()
     assert calls == sorted(calls)
+
+
+def test_a_scheme_at_which_two_threads_meet_counts_once():
+    _, space, _ = prepared()
+    both = threading.Barrier(2, timeout=20.0)  # neither goes on before the other has begun
+
+    class Slow:
+        def of(self, schedule):
+            both.wait()
+            return 1.0
+
+    archive = evolution._Archive(Slow(), space, 2, 100, None)
+    scheme = named_schemes(space, 1)[1]
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(lambda _: archive.named(scheme.name, scheme.entries, scheme.source), range(2)))
+    assert archive.count == len(archive.ordered()) == 1
 
 
 @pytest.mark.campaign

@@ -277,8 +277,9 @@ class _Archive:
             int(used.reversals.sum()), refused, place,
         )  # fmt: skip
         with self.lock:
-            self.candidates[key] = made
-            self.count += not refused
+            if key not in self.candidates:  # two threads may have met at one scheme, and it counts once
+                self.candidates[key] = made
+                self.count += not refused
             done = min(self.count / self.total, 1.0)
         if self.progress is not None:
             self.progress(done)

@@ -14,6 +14,8 @@ import argparse
 import heapq
 import os
 import pickle
+import subprocess
+import sys
 import tempfile
 import time
 import warnings
@@ -170,36 +172,6 @@ def machines(run_s: float, collect_s: float, row_bytes: float, prepare_s: float,
               f"{runs * collect_s:4.0%}, {runs * row_bytes / 1e6:5.0f} MB/s")  # fmt: skip
 
 
-def fleet(units: int, rounds: int) -> None:
-    """One processor beside two of a fleet of simulated units, as in ``test_freepose``."""
-    from schuler.calibration.freepose.fleet import calibrate_fleet
-    from schuler.calibration.freepose.simulation import hand_log
-    from schuler.sensors.errors import ImuErrors
-    from schuler.sensors.noise import NoiseModel, White
-
-    from .test_freepose import SPEC
-
-    logs = []
-    for sequence in np.random.SeedSequence(1).spawn(units):
-        rng = np.random.default_rng(sequence)
-        noise = {"gyro_noise": NoiseModel((White(3e-4),)), "accel_noise": NoiseModel((White(2e-3),))}
-        errors = replace(ImuErrors.draw(SPEC, rng, gauge="upper"), **noise)
-        logs.append(hand_log(errors, rng, poses=20, rest_s=3.0, turn_s=1.5, rate_hz=50.0))
-    calibrate_fleet(logs[:1])
-    for halves in (True, False):
-        wall: dict[int | None, float] = dict.fromkeys((1, 2, None), np.inf)
-        for _ in range(rounds):
-            for workers in wall:
-                began = time.perf_counter()
-                calibrate_fleet(logs, workers=workers, halves=halves)
-                wall[workers] = min(wall[workers], time.perf_counter() - began)
-        print(
-            f"fleet of {units}, halves={halves}: one {wall[1]:.1f} s, two {wall[2]:.1f} s: ratio "
-            f"{wall[1] / wall[2]:.2f}; by default {wall[None]:.1f} s; load {os.getloadavg()[0]:.1f}",
-            flush=True,
-        )
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=512)
@@ -230,7 +202,10 @@ def main() -> None:
         there = {workers: stack.enter_context(connected(LOCAL, workers)) for workers in (1, 2)}
         on_workers(job, there, {w: threads(w) for w in (1, 2)}, prepare, given)
     if given.units:
-        fleet(given.units, max(given.rounds - 1, 1))
+        rounds = str(max(given.rounds - 1, 1))
+        subprocess.run(
+            [sys.executable, "-m", "benchmarks.fleets", "--units", str(given.units), "--rounds", rounds], check=True
+        )
 
 
 def on_workers(

@@ -1,6 +1,7 @@
 """Calibration of many units in one call: the table, any number of workers, units that fail."""
 
 import itertools
+import sys
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
@@ -84,6 +85,17 @@ def test_workers_do_not_change_a_digit(some):
     np.testing.assert_array_equal(two.sigma, table.sigma[:8])
     assert two.status == table.status[:8]
     assert two.verdict == table.verdict[:8]
+
+
+def test_a_process_that_joins_does_not_wait_for_half_of_scipy(some, monkeypatch):
+    """``scipy.stats`` takes as long to import as the rest of a start; its distributions are in ``scipy.special``."""
+    logs, _, table = some
+    monkeypatch.setitem(sys.modules, "scipy.stats", None)
+    monkeypatch.setitem(sys.modules, "scipy.optimize", None)
+    without = calibrate_fleet(logs[:2], workers=1, halves=True)
+    np.testing.assert_array_equal(without.values, table.values[:2])
+    assert all(r.extra["halves"]["splits"] for r in without.results)
+    assert "calibration:" in without.results[0].summary()
 
 
 class Dying(Executor):

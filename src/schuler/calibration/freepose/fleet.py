@@ -20,7 +20,7 @@ from schuler.calibration.result.result import CalibrationResult, Status
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 
-#: Work that is worth one more process, which takes two seconds to start. [s]
+#: Work that is worth one more process, which takes a second to start. [s]
 WORTH_S = 10.0
 #: A calibration, or why there is none.
 Outcome: TypeAlias = CalibrationResult | str
@@ -143,7 +143,7 @@ def calibrate_fleet(
     -----
     A calibration is Python for the most part, so threads do not share it. Without ``workers`` the first eight logs are
     timed in this process, which is joined by another one for every ten seconds of work that are left. Those start
-    afresh ("spawn"), which takes each two seconds while this one goes on; as always with such processes, a script that
+    afresh ("spawn"), which takes each a second while this one goes on; as always with such processes, a script that
     calls this needs ``if __name__ == "__main__":``. Each log is worked on by itself, hence the same numbers with any
     number of workers; logs of a process that dies are done in this one.
     """

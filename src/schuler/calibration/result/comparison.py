@@ -231,7 +231,7 @@ def _covariance(result: CalibrationResult, names: tuple[str, ...]) -> FloatArray
 
 
 def _chi_square(d: FloatArray, C: FloatArray) -> tuple[float, int, float]:
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     s = np.sqrt(np.diag(C))
     use = np.isfinite(s) & (s > 0.0)
@@ -241,4 +241,4 @@ def _chi_square(d: FloatArray, C: FloatArray) -> tuple[float, int, float]:
     kept = values > 1e-9
     y = vectors[:, kept].T @ (d[use] / s[use])
     total, freedom = float(np.sum(y**2 / values[kept])), int(kept.sum())
-    return total, freedom, float(chi2.sf(total, freedom))
+    return total, freedom, float(chdtrc(freedom, total))

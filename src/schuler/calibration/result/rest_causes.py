@@ -80,7 +80,7 @@ def rest_causes(
         The likeliest first: by what is left of the scatter. Drift and temperature are tried against a scatter without
         memory, specific force against the scatter that was fitted, so that a drift is not taken for it.
     """
-    from scipy.stats import f as fisher
+    from scipy.special import fdtrc
 
     tries: list[tuple[str, FloatArray]] = []
     if f is not None:
@@ -106,7 +106,7 @@ def rest_causes(
         if left <= 0.0:
             continue
         ratio = (gained / (3 * q)) / (left / (3 * freedom))
-        p = float(fisher.sf(ratio, 3 * q, 3 * freedom))
+        p = float(fdtrc(3 * q, 3 * freedom, max(ratio, 0.0)))
         out.append(RestCause(name, p, scatter.reduced, white_left / (3 * freedom)))
     return sorted(out, key=lambda cause: (not cause.decisive, cause.after))
 

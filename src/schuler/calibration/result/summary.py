@@ -81,11 +81,11 @@ def verdicts(result: CalibrationResult) -> list[str]:
 
 def unit_weight_probability(result: CalibrationResult) -> float | None:
     """Probability of a variance of unit weight as large as this or larger; None without redundancy."""
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     if result.freedom < 1 or not np.isfinite(result.variance_of_unit_weight):
         return None
-    return float(chi2.sf(result.variance_of_unit_weight * result.freedom, result.freedom))
+    return float(chdtrc(result.freedom, result.variance_of_unit_weight * result.freedom))
 
 
 def rows(result: CalibrationResult) -> list[tuple[str, str, str, str, str, str, str]]:

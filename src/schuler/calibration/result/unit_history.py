@@ -241,7 +241,7 @@ def history_of(results: Mapping[str, CalibrationResult], *, left_out: Mapping[st
     ----------
     Holm (1979), A simple sequentially rejective multiple test procedure, Scand. J. Statist. 6.
     """
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     left = dict(left_out or {})
     dated: list[tuple[str, str, CalibrationResult]] = []
@@ -285,7 +285,7 @@ def history_of(results: Mapping[str, CalibrationResult], *, left_out: Mapping[st
         weight = sigma**-2.0
         mean = float(np.sum(weight * value) / weight.sum())
         total = float(np.sum(weight * (value - mean) ** 2))
-        tests[name] = (mean, total, float(chi2.sf(total, len(value) - 1)) if len(value) > 1 else float("nan"))
+        tests[name] = (mean, total, float(chdtrc(len(value) - 1, total)) if len(value) > 1 else float("nan"))
     corrected = holm({n: p for n, (_, _, p) in tests.items() if np.isfinite(p)})
     parameters = {n: ParameterHistory(n, *series[n], *tests[n], corrected.get(n, float("nan"))) for n in series}
     return UnitHistory(

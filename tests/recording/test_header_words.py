@@ -120,6 +120,27 @@ def test_a_temperature_of_no_known_unit_is_left_out_and_said(tmp_path):
     assert any("temperature was left out" in note and "T(°)" in note for note in recording.metadata.notes)
 
 
+@pytest.mark.parametrize(("number", "kept"), [("4400", False), ("-3920", False), ("44", True), ("-40", True)])
+def test_a_temperature_in_counts_or_hundredths_is_left_out_and_said(tmp_path, number, kept):
+    log = tmp_path / "log.csv"
+    rows = "".join(f"{k / 50:.2f},0,0,-9.81,0,0,0,{number}\n" for k in range(50))
+    log.write_text("t,ax,ay,az,gx,gy,gz,temp\n" + rows)
+    recording = read(log, units="m/s^2,rad/s")
+    assert (recording.need_imu().temperature is not None) == kept
+    assert any("temperature was left out" in note for note in recording.metadata.notes) != kept
+    if not kept:  # a stated unit is believed, and what it makes is checked
+        with pytest.raises(InputError, match="the temperature is"):
+            read(log, units="accel=m/s^2,gyro=rad/s,temp=degC")
+
+
+def test_of_two_columns_that_may_be_heights_neither_is_taken_and_both_are_named(tmp_path):
+    path = tmp_path / "fixes.csv"
+    rows = "".join(f"{k},48.{k:02},11.5,500,600\n" for k in range(20))
+    path.write_text("time,lat,lon,alt_a,alt_b\n" + rows, encoding="utf-8")
+    notes = read(path, sigma="1,1,2").metadata.notes
+    assert any("alt_a, alt_b" in note and "h=alt_a" in note for note in notes)
+
+
 def test_places_without_heights_are_fixes_whose_height_says_nothing(tmp_path):
     log = tmp_path / "log.csv"
     head = "time (s),gFx (g),gFy (g),gFz (g),wx (rad/s),wy (rad/s),wz (rad/s),Latitude,Longitude,Speed (m/s)\n"
@@ -131,6 +152,26 @@ def test_places_without_heights_are_fixes_whose_height_says_nothing(tmp_path):
     np.testing.assert_array_equal(recording.need_gnss().cov_r_n, np.tile(np.diag([9.0, 9.0, 1e6]), (5, 1, 1)))
     with pytest.raises(InputError, match="no column is a height"):
         read(log, sigma="3,3,5", height="ellipsoidal")
+
+
+@pytest.mark.parametrize(
+    ("last", "height", "unit"),
+    [
+        ("altWGS84", "altWGS84", None),
+        ("AltMSL;AltHAE", "AltHAE", None),  # of two that above the ellipsoid
+        ("GpsAltFeet;baro_altitude", "GpsAltFeet", "ft"),
+        ("elev mm;satellite_elevation", "elev mm", "mm"),
+        ("HeightAboveSea;alt_rate", "HeightAboveSea", None),
+        ("alt_a;alt_b", None, None),  # either may be it
+        ("alternator;hgt_sigma;halt", None, None),
+    ],
+)
+def test_a_height_of_fixes_by_the_beginning_of_its_word(last, height, unit):
+    header = ["time", "lat", "lon", *last.split(";")]
+    read = dict(zip(header, columns.recognise_all(header), strict=True))
+    assert [name for name, column in read.items() if column and column[0] == "h"] == ([height] if height else [])
+    if height is not None:
+        assert read[height] == ("h", unit)
 
 
 def test_units_among_the_words_of_a_sensor():

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from schuler.exceptions import FileFormatError, SchulerError
-from schuler.recording.io import columns, lines, missing_values, own, own_satellites, stamps
+from schuler.recording.io import columns, header_words, lines, missing_values, own, own_satellites, stamps
 from schuler.recording.io.assemble import CONVERTED, recording_from
 from schuler.recording.io.garbled import good_rows, put_in_order
 from schuler.recording.io.held_rows import new_rows
@@ -291,6 +291,9 @@ def _by_header(opening: Opening, hints: ReadHints, notes: list[str]) -> dict[str
     unused = [fields[k] for k in range(len(fields)) if k not in recognised]
     if unused:
         notes.append(f"Columns not used: {', '.join(unused)}.")
+    high = [field for field in unused if header_words.may_be_height(header_words.words_of(field))]
+    if high and "lat" in names and "h" not in names:
+        notes.append(f"One of {', '.join(high)} may be the height of the fixes: columns='...,h={high[0]}' takes it.")
     return {name: k for k, (name, _) in recognised.items()}
 
 

@@ -164,6 +164,8 @@ def _to_si(raw: Raw, hints: ReadHints, series: str) -> None:
     stated, scale = parse_units(hints.units, hints.kind), parse_scale(hints.scale)
     if isinstance(scale, str):
         raise raw.fault(f"scale={scale!r} names an array, which only .mat and .npz files hold; give numbers")
+    if "temp" in raw.values and "temp" not in {*stated, *raw.stated, *(scale or {})}:
+        missing_values.leave_out_counted_temperature(raw)
     negated = raw.negated | {
         spec.name for spec in (parse_columns(hints.columns) or ([], False))[0] if spec and spec.negated
     }

@@ -40,6 +40,16 @@ _PLACES = {
     "speed": ("speed", "geschwindigkeit", "tempo", "vitesse", "velocidad"),
     "course": ("course", "heading", "bearing", "cog", "track", "dir", "kurs", "rumbo"),
 }
+#: Beginnings of words of a height, words that make it one above the ellipsoid, and one that is no receiver's.
+_HIGH = ("alt", "heigh", "hgt", "elev", "hohe", "hoehe", "haut", "hmsl", "ellip", "hae")
+_ELLIPSOID = frozenset(("ellipsoid", "ellipsoidal", "ellips", "ellip", "hae", "wgs"))
+_LENGTHS = {"ft": "ft", "feet": "ft", "foot": "ft", "mm": "mm", "cm": "cm", "m": "m", "km": "km"}
+_NO_HEIGHT = frozenset((
+    "baro", "barometer", "barometric", "pressure", "relative", "rel", "geoid", "separation", "sep", "undulation",
+    "agl", "terrain", "radar", "sonar", "lidar", "antenna", "change", "gain", "rate", "speed", "velocity", "vel",
+    "alternate", "alternator", "satellite", "sat", "sun", "mask", "azimuth", "acc", "type",
+    "mode", "count", "min", "max", "diff",
+))  # fmt: skip
 _VELOCITY = {"n": "vn", "e": "ve", "d": "vd", "north": "vn", "east": "ve", "down": "vd"}
 _TIME = ("time", "timestamp", "cts", "clock", "millis", "micros")
 #: Words of a sensor or a receiver, which do not tell one from another of their kind.
@@ -113,8 +123,10 @@ def time_unit(text: str) -> str | None:
 
 
 def sensor_unit(text: str) -> str | None:
-    """Unit among the words of a sensor's name, ``gyro_rad[0]`` or ``accelerometer_m_s2[0]``; None if there is none."""
+    """Unit among the words of a name, ``gyro_rad[0]``, ``accelerometer_m_s2[0]``, ``alt_ft``; None if there is none."""
     words = words_of(text)
+    if any(word.startswith(_HIGH) for word in words):
+        return _LENGTHS.get(words[-1])
     if set(_SENSORS["g"]) & set(words):
         return next((unit for word, unit in _RATES.items() if word in words), None)
     metres = any(words[k : k + 3] == ["m", "s", "2"] for k in range(len(words)))
@@ -205,7 +217,21 @@ def _fix(words: Sequence[list[str]]) -> dict[int, str]:
         if _RECEIVER & family and family - {"msl", "amsl", "sea", "level"} <= likely[0] | _RECEIVER:
             of_it = {name: k for name, k in more.items() if name not in ("lat", "lon")}
             receiver = more | receiver if _RECEIVER & likely[0] else receiver | of_it
+    if "h" not in receiver and (height := _height(words)) is not None:
+        receiver["h"] = height
     return {k: name for name, k in receiver.items()}
+
+
+def may_be_height(words: Sequence[str]) -> bool:
+    """Whether the words of a field may be those of a height of fixes."""
+    return any(word.startswith(_HIGH) for word in words) and not (_OTHERS | _NO_HEIGHT) & set(words)
+
+
+def _height(words: Sequence[list[str]]) -> int | None:
+    """The one column that may be a height of fixes, of two that above the ellipsoid."""
+    likely = [k for k, field in enumerate(words) if may_be_height(field)]
+    likely = [k for k in likely if _ELLIPSOID & set(words[k])] or likely
+    return likely[0] if len(likely) == 1 else None
 
 
 def _clock(words: Sequence[list[str]]) -> int | None:

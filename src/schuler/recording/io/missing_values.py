@@ -11,6 +11,7 @@ from schuler.recording.io.raw import HUGE, Raw
 from schuler.recording.io.text_head import Opening
 
 NONE = -1.0  # speed and course of a fix without one
+_CELSIUS = (-100.0, 300.0)  # temperatures of an IMU at work [degC]
 _ELSEWHERE = 0.1  # usual size of latitude and longitude, in whatever unit, beside which zeros of both are no place
 
 
@@ -115,6 +116,16 @@ def _without_place(raw: Raw) -> None:
     raw.keep(np.flatnonzero(~nowhere))
     count = int(nowhere.sum())
     raw.notes.append(f"{count} of {len(nowhere)} rows of fixes have no place ({', '.join(here)}) and were left out.")
+
+
+def leave_out_counted_temperature(raw: Raw) -> None:
+    """Leave out a temperature without a unit that cannot be degrees Celsius: counts, hundredths of a degree."""
+    low, high = _CELSIUS
+    if not low < (middle := float(np.median(raw.values["temp"]))) < high:
+        del raw.values["temp"]
+        raw.notes.append(
+            f"The temperature was left out: its unit is not stated, and {middle:g} degC no IMU has (units='temp=...')."
+        )
 
 
 def _interpolate_temperature(raw: Raw) -> None:

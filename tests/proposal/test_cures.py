@@ -11,7 +11,7 @@ from schuler.files import read_toml
 from schuler.proposal import tables
 from schuler.proposal.cures import mended, proposed
 from schuler.proposal.files import files_of
-from schuler.recording.io import read
+from schuler.recording.io import columns, read
 
 
 @pytest.mark.parametrize(
@@ -129,3 +129,17 @@ def test_check_recognises_the_files_of_two_sensors(tmp_path, capsys):
     assert code == 0, out
     assert "recording.accel.file = accel.csv: its header states g" in err
     assert 'axes = "RUB" in [recording.imu]' in out
+
+
+def test_a_receiver_s_time_held_over_samples_is_not_their_clock(tmp_path):
+    """Of clocks that run together that called the IMU's, ``ms_today_imu`` of VESC Tool beside ``gnss_posTime``."""
+    path, n = tmp_path / "log.csv", 400
+    rng = np.random.default_rng(1)
+    a, ms = 9.81 * np.array([0.0, 0.0, 1.0]) + rng.normal(0.0, 0.1, (n, 3)), 1000 + 20 * np.arange(n)
+    rows = [f"{m},{m - 3},{x:.4f},{y:.4f},{z:.4f},0,0,0,{m // 1000 * 1000}" for m, (x, y, z) in zip(ms, a, strict=True)]
+    fields = ["ms_today", "ms_today_imu", "accX", "accY", "accZ", "gyroX", "gyroY", "gyroZ", "gnss_posTime"]
+    path.write_text("\n".join([",".join(fields), *rows]) + "\n", encoding="utf-8")
+    names = ["-" if column is None else column[0] for column in columns.recognise_all(fields)]
+    assert names.index("t") == 8
+    assert tables.clock_column(path, names) == 1
+    assert tables.clock_column(path, ["-", "t", *names[2:8], "-"]) is None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -64,8 +64,8 @@ def table_hints(path: Path, section: str, part: str | None) -> tuple[dict[str, A
         decisions.append(Decision(f"{section}.columns", match[0], match[1]))
     if part not in (None, "imu"):
         names = _layout(path, None)[0] if "columns" not in entry else []
-        if "t" not in names and (at := tables.clock_column(path, names)) is not None:
-            entry["columns"] = ",".join("t" if k == at else name for k, name in enumerate(names))  # as of its IMU
+        if (at := tables.clock_column(path, names)) is not None:
+            entry["columns"] = _with_clock(names, at)  # as of its IMU
         of_clock, more = _clock(path, section, entry.get("columns"))
         entry, decisions = entry | of_clock, decisions + more
         if part == "gnss" and (scale := _whole_units(path)):
@@ -84,9 +84,9 @@ def table_hints(path: Path, section: str, part: str | None) -> tuple[dict[str, A
     names, stated = _layout(path, entry.get("columns")) if path.suffix.lower() not in _ARRAYS else (
         str(entry["columns"]).split(","), set()
     )  # fmt: skip
-    if "t" not in names and (at := tables.clock_column(path, names)) is not None:
-        names[at] = "t"
-        entry["columns"] = ",".join(names)
+    if (at := tables.clock_column(path, names)) is not None:
+        entry["columns"] = _with_clock(names, at)
+        names = entry["columns"].split(",")
         decisions.append(Decision(f"{section}.columns", entry["columns"], f"column {at + 1} increases like a clock"))
     units: dict[str, str] = {}
     why = ""
@@ -122,6 +122,11 @@ def table_hints(path: Path, section: str, part: str | None) -> tuple[dict[str, A
         entry["units"] = ",".join(f"{group}={unit}" for group, unit in units.items())
         decisions = [replace(d, value=entry["units"]) if d.entry == f"{section}.units" else d for d in decisions]
     return entry, decisions
+
+
+def _with_clock(names: Sequence[str], at: int) -> str:
+    """Hint ``columns`` with the time at a position."""
+    return ",".join("t" if k == at else "-" if name == "t" else name for k, name in enumerate(names))
 
 
 def _clock(path: Path, section: str, given: str | None) -> tuple[dict[str, Any], list[Decision]]:

@@ -12,7 +12,7 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.exceptions import SchulerError
 from schuler.proposal import arrays
-from schuler.recording.io import columns, dates, lines, text_head
+from schuler.recording.io import columns, dates, header_words, lines, text_head
 from schuler.recording.io.hints import ReadHints
 from schuler.units import G0, factor_for
 
@@ -32,6 +32,7 @@ _CALLED = {
 _COUNTS_PER_G = (2048.0, 4096.0, 8192.0, 16384.0)  # of 16 bits over 16, 8, 4 and 2 g
 _UNIT_NORM = 1e-3  # digits of a written quaternion
 _WIDEST, _HIGHEST_M = 20, 9000.0  # columns of a table of fixes, and heights of vehicles
+_HELD = 0.5  # share of samples over which a receiver's time is held
 _COUNTED = 0.99  # share of steps of one that make a counter of rows, which may begin again
 _UNIX_S = (1e9, 2.1e9)  # the years 2001 to 2036
 
@@ -148,24 +149,40 @@ def _is_path(x: FloatArray) -> bool:
 
 
 def clock_column(path: Path, names: Sequence[str]) -> int | None:
-    """The one column without a known name that increases like a clock, by steps of an IMU's samples in some unit.
+    """The column without a known name that increases like a clock, by steps of an IMU's samples in some unit.
 
     Parameters
     ----------
     path : Path
     names : sequence of str
         Of all columns; a hyphen where the header's is not known.
+
+    Returns
+    -------
+    int or None
+        None where a column is the time already, unless that one is held over most samples, as a receiver's is. Of
+        several that run together the one that is called the IMU's, or the first.
     """
     needed = [k for k, name in enumerate(names) if name in columns.ACCEL]  # rows between fixes have their fields empty
     values = _numbers(path, needed) if needed else None
     if values is None or len(values) < _BLOCK or values.shape[1] != len(names):
         return None
-    clocks = []
+    if "t" in names:
+        held = _numbers(path, [*needed, names.index("t")])
+        if held is None or len(held) < _BLOCK or (np.diff(held[:, names.index("t")]) == 0.0).mean() < _HELD:
+            return None
+    clocks: dict[int, FloatArray] = {}
     for k in [k for k, name in enumerate(names) if name == "-"]:
         each = _numbers(path, [*needed, k])
         if each is not None and len(each) > 0.9 * len(values) and _is_clock(each[:, k]) and time_unit(each[:, k]):
-            clocks.append(k)
-    return clocks[0] if len(clocks) == 1 else None
+            clocks[k] = each[:, k]
+    run = [np.diff(t) for t in clocks.values()]
+    together = all(len(steps) == len(run[0]) and np.allclose(steps, run[0], atol=0.1 * run[0].mean()) for steps in run)
+    if len(clocks) < 2 or not together:
+        return next(iter(clocks)) if len(clocks) == 1 else None
+    opening = text_head.open_text(path, ReadHints())
+    called = [] if opening.header is None else [header_words.words_of(field) for field in opening.header[1]]
+    return next((k for k in clocks if k < len(called) and "imu" in called[k]), next(iter(clocks)))
 
 
 def time_unit(t: FloatArray) -> tuple[str, str | None] | None:

@@ -1,5 +1,8 @@
 """Options of all commands: each is explained, and a place that cannot be written to is refused before any work."""
 
+import os
+from pathlib import Path
+
 import pytest
 
 from schuler.cli import main
@@ -47,8 +50,9 @@ def test_a_file_in_the_place_of_the_folder_is_refused_first(command, tmp_path, c
     assert "for --out. Expected a folder" in stated
     assert f"{taken} is a file: give another name" in stated
     assert taken.read_text(encoding="utf-8") == "mine"
-    assert main([*call, "--out", str(taken / "in it")]) == 2
-    assert f"{taken} is a file: give another name" in capsys.readouterr().err
+    for other, named in ((taken / "in it", taken), (Path(os.devnull), os.devnull)):
+        assert main([*call, "--out", str(other)]) == 2
+        assert f"{named} is a file: give another name" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("call", ["simulate x.toml --out", "check x.csv --report", "reproduce du --out"])

@@ -47,7 +47,7 @@ CASES = {
 def test_an_impossible_number_is_refused_with_its_row_unless_allowed(aided, tmp_path, case, suffix):
     series, field, value, message = CASES[case]
     path = write(beyond(aided, series, field, value), tmp_path / f"run{suffix}")[0]
-    with pytest.raises(FileFormatError, match=message + r".*pass allow='magnitude' \(--allow magnitude\)"):
+    with pytest.raises(FileFormatError, match=message + r".*pass allow='magnitude' if it is right"):
         read(path)
     back = read(path, allow="magnitude")
     assert any(note.startswith("Passed over: row 8 of") for note in back.metadata.notes)
@@ -93,7 +93,7 @@ def test_a_reading_that_stands_alone_is_no_motion(tmp_path, field, value, unit, 
     if kind == "increment":
         imu = replace(imu, gyro=0.01 * imu.gyro, accel=0.01 * imu.accel, kind=kind)
     path = write(Recording(imu=imu), tmp_path / "run.parquet")[0]
-    message = rf"row 8 of imu \(0.07 s\): .* is {value:g} {re.escape(unit)}, those of the three samples .*--allow magn"
+    message = rf"row 8 of imu \(0.07 s\): .* is {value:g} {re.escape(unit)}, those of the three samples .*allow='magn"
     with pytest.raises(FileFormatError, match=message):
         read(path)
     assert len(read(path, allow="magnitude").imu) == 60
@@ -141,7 +141,7 @@ def test_ranges_of_no_satellite_are_refused(aided, tmp_path, part, field):
     else:
         value = SEEN[field]
     path = write(beyond(aided, part, field, value), tmp_path / "run.parquet")[0]
-    with pytest.raises(FileFormatError, match=rf"row 8 of {part} .*expected up to .*--allow magnitude"):
+    with pytest.raises(FileFormatError, match=rf"row 8 of {part} .*expected up to .*allow='magnitude'"):
         read(path)
 
 
@@ -199,7 +199,7 @@ def test_a_table_of_ours_that_was_cut_off_is_refused(aided, tmp_path, part, cut)
 def test_the_command_line_lets_it_pass_in_its_own_spelling(aided, tmp_path, capsys):
     path = write(beyond(aided, "imu", "accel", 2500.0), tmp_path / "run.parquet")[0]
     assert main(["info", str(path)]) == 2
-    assert "--allow magnitude" in capsys.readouterr().err
+    assert capsys.readouterr().err.count("--allow magnitude") == 1
     assert main(["info", str(path), "--allow", "magnitude"]) == 0
 
 

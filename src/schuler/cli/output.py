@@ -27,8 +27,10 @@ Texts = Annotated[tuple[str, ...], Parameter(negative=())]
 
 def _folder(_: Any, path: Path | None) -> None:
     """Refuse, before hours of work, a folder that cannot be made because a file has its name."""
-    if path is not None and (file := next((p for p in (path, *path.parents) if p.is_file()), None)) is not None:
-        raise ValueError(f"Expected a folder, which is made where it is missing; {file} is a file: give another name.")
+    for file in () if path is None else (path, *path.parents):
+        if file.exists() and not file.is_dir():  # devices too
+            expected = "Expected a folder, which is made where it is missing"
+            raise ValueError(f"{expected}; {file} is a file: give another name.")
     if path is not None:
         try:
             check_writable(path)

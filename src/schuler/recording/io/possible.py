@@ -80,7 +80,7 @@ def check_possible(recording: Recording, path: Path, allowed: Callable[[str], bo
         t = getattr(recording, series).t[row]
         message = f"row {row + 1} of {series} ({t:.6g} s): {text}; correct or delete the row"
         if not passed:
-            raise FileFormatError(f"{message}, or pass allow='magnitude' (--allow magnitude) if it is right", path)
+            raise FileFormatError(f"{message}, or pass allow='magnitude' if it is right", path)
         notes.append(f"Passed over: {message}.")
 
     for q in _quantities(recording):

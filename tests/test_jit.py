@@ -40,6 +40,7 @@ def run(folder: Path) -> tuple[float, int]:
     return float(value), int(hits)
 
 
+@pytest.mark.campaign
 def test_a_changed_helper_in_another_file_is_compiled_in(tmp_path):
     """numba alone looks at the calling function's file only, and went on using the old helper."""
     package = tmp_path / "schuler"
@@ -139,6 +140,7 @@ def prepare_second():
 """
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(("beside", "hits"), [("two:prepare_second", 1), ("two:prepare_third", 0)])
 def test_what_comes_next_is_compiled_in_another_process(tmp_path, beside, hits):
     """It is waited for and loaded; where that process fails, the kernel is compiled here."""
@@ -162,6 +164,7 @@ print(sum(two.first.stats.cache_hits.values()))
 """
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(jit.fcntl is None, reason="no locks of files here: each process compiles for itself")
 def test_of_processes_that_begin_together_one_compiles(tmp_path):
     """The other waits for it and loads what it leaves."""
@@ -300,6 +303,7 @@ def test_a_lane_version_names_the_lane_version_of_everything_it_calls():
         jit.lane_version(k.half_angle)
 
 
+@pytest.mark.campaign
 def test_an_index_of_types_that_are_gone_is_compiled_anew(lanes, tmp_path):
     """An earlier version of the package may have left it; reading it would end in ModuleNotFoundError."""
     shutil.copytree(lanes, tmp_path, dirs_exist_ok=True)
@@ -360,6 +364,7 @@ def test_a_damaged_entry_on_disk_is_removed_and_made_anew(doubled, tmp_path, dam
     assert (again(2.0), hits(again)) == (4.0, 1)
 
 
+@pytest.mark.campaign
 def test_a_flipped_byte_anywhere_in_an_entry_never_stops_a_run(doubled, tmp_path):
     doubled()(2.0)
     (index,) = (tmp_path / "__pycache__").glob("*.nbi")

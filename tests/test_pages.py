@@ -27,6 +27,7 @@ NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 LONG = ("tutorial", "filter-noise-from-allan", "rotary-ins", "hand-on-results", "bridge-an-outage", "calibration")
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(
     "page",
     [pytest.param(p, id=p.stem, marks=[pytest.mark.campaign] if p.stem in LONG else []) for p in PAGES],

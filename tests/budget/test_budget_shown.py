@@ -11,6 +11,9 @@ from schuler.budget import budget_of, choose_imu, error_budget, linear_covarianc
 from schuler.budget.report import budget_report, role_of, whose
 from schuler.sensors.catalogue import spec
 
+#: Seconds to compile the replays by axis; tests/cli/test_budget.py opens a page and its figures in every run.
+pytestmark = pytest.mark.campaign
+
 IMU = "MTi-G-710"
 
 

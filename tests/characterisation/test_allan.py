@@ -370,6 +370,7 @@ STABLE32_DATA = {
 }
 
 
+@pytest.mark.campaign
 @pytest.mark.thinned(3)
 @pytest.mark.realdata
 @pytest.mark.parametrize("folder", STABLE32_DATA)

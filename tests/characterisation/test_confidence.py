@@ -322,7 +322,7 @@ def coverage(process, n, logs, seed, **options):
     return hits / logs, naive / logs
 
 
-@pytest.mark.thinned(3)
+@pytest.mark.thinned(6)
 @pytest.mark.parametrize("name", MODELS)
 def test_coverage(name):
     """95 % intervals, 120 logs of 2048: 4 binomial standard errors at each octave, and 2 % in the mean over them."""

@@ -38,6 +38,7 @@ def inside(result):
     return [e.low <= true <= e.high for e, true in terms if e is not None]
 
 
+@pytest.mark.campaign
 def test_a_tenth_of_wide_outliers_leads_the_findings_and_leaves_the_intervals_narrow():
     """All are right within three sigmas (statistical), and these hardly above those of a clean log, 0.3 to 0.6 %."""
     result = identified("wide", 0.1, 1, models=("N", "N+K"))
@@ -49,6 +50,7 @@ def test_a_tenth_of_wide_outliers_leads_the_findings_and_leaves_the_intervals_na
         assert 0.003 < N.sigma / N.value < 0.01
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(("kind", "share"), [("wide", 0.3), ("bursts", 0.1)])
 def test_what_replacing_cannot_mend_is_refused(kind, share):
     result = identified(kind, share, 1, models=("N",))

@@ -21,6 +21,7 @@ def log():
     return NOISE.sample((N, 3), 1.0 / RATE, np.random.default_rng(4))
 
 
+@pytest.mark.campaign
 def test_a_curve_gives_the_terms_of_its_log(log):
     """The same moments, so N agrees to rounding with that of the log but for averaging times between octaves."""
     imu = ImuSeries(np.arange(N) / RATE, log, np.zeros((N, 3)))
@@ -44,7 +45,7 @@ def test_an_exact_curve_gives_its_terms_back():
     assert axis.unit == "m/s^2"
 
 
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(4)
 @pytest.mark.parametrize("count", [12, 40, 61])
 def test_averaging_times_need_not_be_multiples_of_a_sample(count):
     """Times of equal ratios, as other programs choose them: short ones between two samples are not fitted."""
@@ -54,6 +55,7 @@ def test_averaging_times_need_not_be_multiples_of_a_sample(count):
     assert axis.terms["K"].value == pytest.approx(1e-2, rel=0.05)
 
 
+@pytest.mark.campaign
 def test_the_shortest_log_is_assumed_and_said(log):
     curve = allan_deviation(log[:, 1], RATE, taus="octave")
     assumed = identify_curve(curve.tau, curve.deviation)
@@ -63,6 +65,7 @@ def test_the_shortest_log_is_assumed_and_said(log):
     assert assumed.findings[0].code == "assumed"
 
 
+@pytest.mark.campaign
 def test_the_command_reads_a_table(log, tmp_path, capsys):
     curves = [allan_deviation(log[:, k], RATE, taus="octave") for k in (0, 1)]
     table = np.column_stack((curves[0].tau, *(c.deviation / (units.DEG / units.HR) for c in curves), curves[0].low))

@@ -333,6 +333,7 @@ def test_wrong_arguments_are_named(x, options, match):
 # ------------------------------------------------------------------------------------------ real recordings
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 @pytest.mark.parametrize("unit", [pytest.param(1, marks=pytest.mark.campaign), 2])
 def test_adis16405_at_rest(shared_data, unit):
@@ -354,6 +355,7 @@ def test_adis16405_at_rest(shared_data, unit):
         )
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_laser_gyros_in_a_parked_car(shared_data):
     """Pulses of 125 ug s and 0.1 arcsec: coarse where the noise is below them; people get out in the first 20 s."""

@@ -62,6 +62,7 @@ def test_a_clean_log(clean):
     assert identified.axes["accel_z"].mean.value == pytest.approx(-9.80665, abs=2e-3)
 
 
+@pytest.mark.campaign
 def test_budget_and_provenance(clean):
     _, identified = clean
     for triad in (identified.spec.gyro, identified.spec.accel):
@@ -193,6 +194,7 @@ def test_too_short_logs_are_refused(n, needed):
         assert needed in reasons[0].text
 
 
+@pytest.mark.campaign
 def test_a_short_log_says_what_it_cannot_see():
     identified = identify_noise(imu_of(noise_of(3, 6000)), models=MODELS)
     (note,) = [f for f in identified.axes["gyro_x"].findings if f.code == "too_short"]
@@ -221,6 +223,7 @@ def test_a_large_gap_is_told_and_widens_the_intervals(clean):
             assert fewer == pytest.approx(0.7, rel=0.05)  # what is there is 70 %
 
 
+@pytest.mark.campaign
 def test_many_gaps_and_jitter_leave_the_noise_alone(clean):
     x, _ = clean
     rng = np.random.default_rng(4)
@@ -233,6 +236,7 @@ def test_many_gaps_and_jitter_leave_the_noise_alone(clean):
         assert axis.terms["N"].value == pytest.approx(1e-3, rel=0.02)  # statistical
 
 
+@pytest.mark.campaign
 def test_next_to_nothing_is_left_or_stamps_make_no_grid(clean):
     x, _ = clean
     keep = np.ones(N, dtype=bool)
@@ -294,6 +298,7 @@ def test_lengths_may_differ_and_rates_may_not(clean):
         identify_noise([imu, replace(imu, t=2.0 * imu.t)])
 
 
+@pytest.mark.campaign
 def test_increments_give_the_result_of_rates(clean):
     x, before = clean
     rates = imu_of(x)
@@ -305,6 +310,7 @@ def test_increments_give_the_result_of_rates(clean):
             assert estimate.value == pytest.approx(before.axes[axis].terms[term].value, rel=1e-6)  # rounding of stamps
 
 
+@pytest.mark.campaign
 def test_a_temperature_that_rises_is_a_warm_up_whatever_the_axes_show(clean):
     x, _ = clean
     T = 43.7 - 7.9 * np.exp(-np.arange(N) / RATE / 60.0)

@@ -43,6 +43,7 @@ def test_the_strongest_comes_first_and_missing_samples_do_not_matter():
     assert [round(line.frequency, 1) for line in lines_in(x, RATE)] == [31.0, 7.0]
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("model", [White(1e-3), White(1e-3) + Flicker(1e-3), White(1e-3) + RandomWalk(1e-2)])
 def test_clean_noise_has_no_lines(model):
     """One log in a thousand is allowed one; statistical: two of 50 happen once in a thousand tests."""

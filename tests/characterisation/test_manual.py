@@ -65,7 +65,7 @@ def test_percentiles_are_continued_beyond_the_simulated_ones(column):
     assert sigma[-1] == pytest.approx(1.0, abs=0.01)
 
 
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(4)
 @pytest.mark.parametrize(("z", "runs"), [(0.6, 1500), (9.22, 1500), (40.0, 1000), (150.0, 600)])
 def test_percentiles_hold_for_simulated_records(z, runs):
     """Shares below the 5, 50 and 95 % points.
@@ -103,6 +103,7 @@ def test_the_correlation_time_scatters_as_in_simulated_records(campaign, share, 
     assert np.mean([r.tau.value < tau for r in campaign]) == pytest.approx(share, abs=3 * se)
 
 
+@pytest.mark.campaign
 def test_the_standard_deviation_is_short_as_in_simulated_records(campaign):
     """4.3: 0.87 of the true one in the mean; 3 standard errors of both campaigns and half a printed digit."""
     ratio = np.array([r.sigma_b.value for r in campaign]) / AQRS[1]

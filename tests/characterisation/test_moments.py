@@ -52,6 +52,7 @@ def test_two_records_have_the_degrees_of_freedom_of_both():
     np.testing.assert_allclose(moments.degrees_of_freedom(M, np.array([5000, 5000]), DT, psd), 2.0 * one, rtol=1e-12)
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("process", [White(1.0), RandomWalk(0.3), White(1.0) + GaussMarkov(1.0, 3.0)], ids=str)
 def test_correlation_is_that_of_simulated_logs(process):
     """Statistical: a correlation from 1500 pairs is good to 0.026; the formula is that of long records, so the longest

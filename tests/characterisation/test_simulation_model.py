@@ -39,6 +39,7 @@ def test_terms_that_describe_everything_stay_terms():
     assert model == terms_of_fit(chosen.fit, 1.0 / RATE)
 
 
+@pytest.mark.campaign
 def test_a_resonance_has_its_measured_spectrum_and_the_rest_its_terms():
     """At short times the curve comes back within 2 % (statistical: it is one log's own spectrum), with K besides."""
     process = White(1.0) + RandomWalk(0.02) + GaussMarkov2(8.0, 2.0 * np.pi * 2.0, 0.1)

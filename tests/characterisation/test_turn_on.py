@@ -102,6 +102,7 @@ def test_records_give_the_spread_that_was_put_in():
     assert np.all(spread.within[:3] > 5e-4 / np.sqrt(200.0))
 
 
+@pytest.mark.campaign
 def test_a_budget_of_several_switch_ons_has_their_spread_and_not_their_mean(tmp_path):
     """Closed form: root mean square over the axes of the sample deviation and of the uncertainty of the mean."""
     rng = np.random.default_rng(31)

@@ -321,6 +321,7 @@ def test_a_log_that_never_rests(turned, tmp_path, capsys):
 PAGE = ROOT / "docs" / "field-calibration.md"
 
 
+@pytest.mark.campaign
 def test_the_documented_program_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (program,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)

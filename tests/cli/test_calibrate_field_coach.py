@@ -104,6 +104,7 @@ def test_reading_options_are_those_of_other_commands(tmp_path):
     assert len(advice_in(lines)) == 4
 
 
+@pytest.mark.campaign
 def test_a_growing_log_is_followed(tmp_path, monkeypatch):
     """Written in pieces that end anywhere in a line; the same advice as on the finished log."""
     path = tmp_path / "growing.csv"
@@ -163,6 +164,7 @@ def test_ctrl_c_keeps_everything(tmp_path, monkeypatch):
     assert any("interrupted" in line for line in lines)
 
 
+@pytest.mark.campaign
 def test_lines_of_stdin_are_kept(tmp_path, monkeypatch):
     """Blanks between numbers, SI; a file of that name is not overwritten."""
     monkeypatch.setattr(terminal, "_POLL_S", 0.01)

@@ -118,6 +118,7 @@ def test_a_plain_log_is_converted_with_hints(tmp_path, capsys):
     np.testing.assert_allclose(imu.gyro[0], np.radians([0.5, 0.25, -0.125]))
 
 
+@pytest.mark.campaign
 def test_navigate_with_outages_on_the_command_line(town, tmp_path, capsys):
     numbers = answer(
         capsys, "navigate", town, "--config", CONFIG, "--out", tmp_path / "out", "--json", "--no-report",
@@ -132,6 +133,7 @@ def test_navigate_with_outages_on_the_command_line(town, tmp_path, capsys):
     }  # fmt: skip
 
 
+@pytest.mark.campaign
 def test_aids_and_entries_are_changed_on_the_command_line(town, tmp_path, capsys):
     common = (
         "navigate", town, "--config", CONFIG, "--out", tmp_path / "out", "--json", "--no-report", "--no-smooth",
@@ -231,6 +233,7 @@ def test_without_extras_figures_that_nobody_asked_for_are_left_out(tmp_path, cap
     assert {Path(f).suffix for f in files["files"].values()} == {".csv", ".html"}
 
 
+@pytest.mark.campaign
 def test_figures_are_files_where_they_are_asked_for(town, tmp_path, capsys, monkeypatch):
     # one figure of nineteen; that all of them are drawn is tests/navigation/report/test_figures.py
     monkeypatch.setattr("schuler.navigation.report.figures.save_all", lambda *_: [])

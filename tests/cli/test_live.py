@@ -118,6 +118,7 @@ def test_a_replayed_log_is_the_batch_run(log, tmp_path, capsys):
     np.testing.assert_allclose(frames.ecef_from_llh(fixes.llh), table.r_eb_e, atol=1e-3)  # printed digits
 
 
+@pytest.mark.campaign
 def test_a_run_recorded_as_mcap_is_navigated_again(log, tmp_path, capsys):
     """Input and solution in one file: the batch run of the file is the live run."""
     pytest.importorskip("mcap")
@@ -133,6 +134,7 @@ def test_a_run_recorded_as_mcap_is_navigated_again(log, tmp_path, capsys):
     assert run(capsys, "live", f"replay:{folder}", "--config", config, "--out", f"mcap:{path}")[0] == 2
 
 
+@pytest.mark.campaign
 def test_a_second_run_into_a_folder_adds_to_it(log, tmp_path, capsys):
     for _ in range(2):
         assert run(capsys, "live", f"replay:{log[0]}?speed=0", "--config", log[1], "--record", tmp_path)[0] == 0
@@ -140,6 +142,7 @@ def test_a_second_run_into_a_folder_adds_to_it(log, tmp_path, capsys):
     np.testing.assert_array_equal(first.r_eb_e, second.r_eb_e)
 
 
+@pytest.mark.campaign
 def test_a_log_at_its_pace_takes_its_time(log, tmp_path, capsys):
     folder, config, trajectory = log
     began = time.monotonic()
@@ -266,7 +269,7 @@ def mosquitto_stream(port, held):
 
 
 @pytest.mark.parametrize("kind", ["udp", "tcp", "serial", "ws", "mqtt", "mosquitto"])
-@pytest.mark.thinned(3)
+@pytest.mark.thinned(2)
 def test_streams_are_the_batch_run(log, tmp_path, ports, kind):
     folder, config, trajectory = log
     out, codes, stop = tmp_path / "live.jsonl", [], threading.Event()
@@ -360,6 +363,7 @@ def test_a_run_that_ends_goes_on_from_its_state(log, tmp_path, capsys):
     assert "goes on from the state of" not in err
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("format", "packets"),
     [("vectornav", vectornav_log()), ("novatel", novatel_log()), ("sbf", sbf_log()), ("sbg", None)],

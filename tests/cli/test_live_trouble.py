@@ -21,6 +21,7 @@ LONGEST_S = 20.0
 LOGS = {"vectornav": vectornav_log, "novatel": novatel_log, "sbf": sbf_log}
 
 
+@pytest.mark.campaign
 @pytest.mark.thinned(3)
 @pytest.mark.parametrize("format", list(LOGS))
 def test_garbage_and_half_messages_between_good_ones_change_nothing(tmp_path, capsys, monkeypatch, format):

@@ -23,6 +23,7 @@ def test_json_with_formulas(capsys):
     assert {"text": "b_U", "factors": {"b_U": 1.0}} in data["seen"]
 
 
+@pytest.mark.campaign
 def test_report_and_our_axes(capsys, tmp_path):
     arguments = ("--report", "--out", tmp_path, "--axes", "ned", "--known", "dr", "--known", "b_g")
     code, out, _ = run(capsys, "observability", EXAMPLES / "observability_rotary_y.toml", *arguments)

@@ -61,6 +61,7 @@ def test_a_companion_that_exists_is_kept_and_nothing_else_is_written(tmp_path, c
     assert mine.read_text() != "my notes"
 
 
+@pytest.mark.campaign
 def test_a_run_may_be_repeated_into_its_folder(tmp_path, capsys):
     call = ("budget", EXAMPLES / "budget_town.toml", "--out", tmp_path / "run", "--no-figures", "--no-report", "--json")
     for _ in range(2):

@@ -24,6 +24,7 @@ def three(prefix, x):
     return dict(zip([prefix + a for a in "xyz"], x.T, strict=True))
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("axes", ["x", pytest.param("xyz", marks=pytest.mark.campaign)])
 def test_gyroscopes_alone_have_a_budget(rng, tmp_path, capsys, axes):
     x = N * np.sqrt(RATE) * rng.standard_normal((4000, 3))
@@ -37,6 +38,7 @@ def test_gyroscopes_alone_have_a_budget(rng, tmp_path, capsys, axes):
     assert any("has no accel: the budget states no number" in note for note in data["notes"])
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("records", [3, pytest.param(11, marks=pytest.mark.campaign)])
 def test_several_switch_ons_have_a_calibration_beside_the_budget(rng, tmp_path, capsys, records):
     bias = np.array([46.0, -30.0, 20.0]) * DEG_PER_HR

@@ -87,6 +87,7 @@ def test_a_report_alone(short, tmp_path, capsys):
     assert 'id="search"' not in text
 
 
+@pytest.mark.campaign
 def test_interrupted_search_is_said_and_kept(short, capsys, monkeypatch):
     import schuler.cli.rotary as command
 

@@ -57,7 +57,7 @@ def test_leap_seconds_of_the_drive():
     assert leap_seconds(calendar(START).date()) == LEAP
 
 
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(4)
 @pytest.mark.parametrize(("name", "stamp", "option"), stamps(), ids=[s[0] for s in stamps()])
 def test_the_meaning_of_the_stamps_is_named(folder, name, stamp, option):
     diagnosis = diagnose_log(folder(stamp), imu=IMU, gnss=GNSS)

@@ -112,12 +112,14 @@ def test_other_pairs_of_the_simulated_drive_are_named(simulated, tmp_path, seed)
     enough(simulated, suite.pairs(40, seed), PAIRS, tmp_path, seed)
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_the_clean_real_drive_raises_no_alarm(real, tmp_path):
     assert diagnose(real).codes() == ()
     assert diagnose_log(tmp_path, **suite.write_logs(real, (), tmp_path, None)).codes() == ()
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 @pytest.mark.parametrize("every", [16, pytest.param(1, marks=pytest.mark.campaign)])
 @pytest.mark.parametrize(("kind", "target"), KINDS)

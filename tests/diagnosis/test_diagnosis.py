@@ -49,6 +49,7 @@ UNITS = [
 ]
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(("name", "factors", "code", "fix"), UNITS, ids=[u[0] for u in UNITS])
 def test_wrong_units(good, name, factors, code, fix):
     imu = good.imu
@@ -105,6 +106,7 @@ AXES = [
 ]
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(("name", "A", "G", "codes"), AXES, ids=[a[0] for a in AXES])
 def test_wrong_axes_and_signs(good, name, A, G, codes):
     diagnosis = diagnose(drives.turned(good, A, G), quick=True)
@@ -127,6 +129,7 @@ CLOCKS = [
 ]  # fmt: skip
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(("seconds", "code"), CLOCKS)
 def test_clocks(good, seconds, code):
     bad = replace(good, imu=good.imu.shifted(seconds))
@@ -160,6 +163,7 @@ def test_a_sensor_mounted_askew(good):
     )  # roads are level to a degree or so
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(("lx", "ly"), [(4.0, 1.0), (2.0, -1.0), (-1.5, 0.0), (0.0, 3.0)])
 def test_an_antenna_far_from_the_imu(good, lx, ly):
     """Its lever arm is rough, within three of its sigmas; it is not taken for a clock that is lx / V wrong."""
@@ -218,6 +222,7 @@ GNSS = [
 ]
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(("name", "change", "code"), GNSS, ids=[g[0] for g in GNSS])
 def test_wrong_positions_and_velocities(good, name, change, code):
     diagnosis = diagnose(drives.with_gnss(good, **change(good.gnss)), quick=True)
@@ -282,6 +287,7 @@ SAMPLING = [
 ]  # fmt: skip
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(("code", "change"), SAMPLING, ids=[s[0] for s in SAMPLING])
 def test_sampling(good, code, change):
     diagnosis = diagnose(drives.with_imu(good, **change(good.imu)))
@@ -314,6 +320,7 @@ RECEIVER = [
 ]  # fmt: skip
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(("code", "change"), RECEIVER, ids=[r[0] for r in RECEIVER])
 def test_receivers(good, code, change):
     diagnosis = diagnose(drives.with_gnss(good, **change(good.gnss)))
@@ -357,6 +364,7 @@ POSES = [
 ]
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(("name", "wrong", "scale", "codes"), POSES, ids=[p[0] for p in POSES])
 def test_turns_of_gravity_between_rests_tell_the_gyro_without_gnss(name, wrong, scale, codes):
     diagnosis = diagnose(_poses(np.random.default_rng(5), wrong, scale))

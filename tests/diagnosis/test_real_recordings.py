@@ -17,7 +17,7 @@ from schuler.recording.io import read
 pytestmark = pytest.mark.realdata
 
 
-@pytest.mark.thinned(5)
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("name", GOOD)
 def test_good_recordings_raise_no_alarm(shared_data, name):
     options, so_it_is = GOOD[name]
@@ -114,6 +114,7 @@ def test_trap_stamps_of_the_thermal_chamber(shared_data):
     assert "within 4.24 s" in diagnosis.findings[0].text
 
 
+@pytest.mark.campaign
 def test_a_folder_whose_clocks_nobody_stated(shared_data):
     """Its stamps are seconds of the GPS week, which the motion tells; the rest is judged on that clock."""
     diagnosis = diagnose_log(shared_data / "rtkexp_drive")
@@ -123,6 +124,7 @@ def test_a_folder_whose_clocks_nobody_stated(shared_data):
     assert "clock_unknown" not in _drive(shared_data, imu={"time": mended}).codes()
 
 
+@pytest.mark.campaign
 def test_a_counter_of_milliseconds_beside_gps_time(shared_data):
     """The raw log of the drive: its counter and GPS share no number, but the same motion."""
     imu = {"file": "imu_1934.csv", "columns": "ax,ay,az,gx,gy,gz,t", "units": "g,deg/s,ms", "axes": "BRU"}

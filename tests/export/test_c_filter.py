@@ -113,6 +113,7 @@ def written(folder, layout, log, schedule, initial, options=None, psd=PSD):
     return folder
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(
     "name", ["15", *(pytest.param(name, marks=pytest.mark.campaign) for name in ("9", "33", "45")), "all"]
 )
@@ -143,7 +144,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.thinned(3)
+@pytest.mark.thinned(6)
 def test_c_judges_faults_as_the_filter_does(tmp_path, fault):
     """The rules of the innovation test, each by a fault that calls it."""
     log, schedule, initial = run_of(LAYOUTS["15"], 90.0, vehicle=False)
@@ -220,6 +221,7 @@ def test_no_undefined_behaviour_and_no_memory_beside_its_own(tmp_path):
     c_programs.replay(c_programs.program(folder, *flags))
 
 
+@pytest.mark.campaign
 def test_single_precision_stays_near(tmp_path):
     """Rounding of 6e-8 a step over half a minute: root mean square below 0.01 sigma, sigmas to a hundredth."""
     log, schedule, initial = run_of(LAYOUTS["15"])

@@ -30,6 +30,7 @@ def config(tmp_path, monkeypatch):
     return path
 
 
+@pytest.mark.campaign
 def test_without_a_log_a_simulated_drive_makes_the_vector(config, capsys):
     """The folder compiles and checks itself by make, in both precisions."""
     data = answer(capsys, "export", "c", "--config", config, "--out", "nav", "--seconds", "20", "--json")

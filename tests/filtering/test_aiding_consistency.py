@@ -114,6 +114,7 @@ def test_wrong_stamps_are_estimated(drive, sign):
     assert abs(one.result.parameter("delay")[-1, 0] - sign * 0.1) < 5.0 * sigma  # statistical, and what is left out
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_positions_alone_find_wrong_stamps(drive, sign):
     """Without velocities, which tell the delay sooner and would hide a fault of the positions' part."""

@@ -61,6 +61,7 @@ def test_nees_at_full_covariance_rate(drive_case):
     assert low < values[:, -1].mean() < high
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     "runs", [4, pytest.param(12, marks=pytest.mark.campaign), pytest.param(60, marks=pytest.mark.slow)]
 )

@@ -67,6 +67,7 @@ def start_at_truth(case, lay):
     return InitialState.from_sigmas(nav, lay, attitude=cases.START_ATT, velocity=cases.START_V, position=cases.START_R)
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("states", [15, 33])
 @pytest.mark.parametrize("motion", [gentle, vibrating, turntable])
 def test_ten_hertz_equals_every_sample(motion, states):

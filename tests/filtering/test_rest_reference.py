@@ -113,6 +113,7 @@ def agree(H, N, lay, kind):
         np.testing.assert_allclose(H[:, part], N[:, part], atol=2e-6 * block + rounding, err_msg=name)
 
 
+@pytest.mark.thinned(4)
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("name", LAYOUTS)
 @pytest.mark.parametrize("kind", KINDS)

@@ -40,6 +40,7 @@ def after_drift(case, lay, late=0.0):
     return NavigationResult.from_run(forward, schedule.t, schedule.kind, lay)
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize(("epochs", "late"), [(7, 0.0), (500, 0.0), (100, 1e-4)])
 def test_a_long_run_is_smoothed_in_parts_to_the_last_bit(drive_case, monkeypatch, epochs, late):
     """A day's nodes are kept a part at a time. Here with ends at fixes, between them, before them and where P was

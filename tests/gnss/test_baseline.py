@@ -229,6 +229,7 @@ def test_what_is_said_and_drawn(exact):
     np.testing.assert_allclose(s.llh[0], llh_from_ecef(s.r_e[0]), rtol=1e-15)
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_two_receivers_on_one_roof(shared_data):
     """VN310 and Reach M2 share one antenna, as it turns out: the baseline is zero."""

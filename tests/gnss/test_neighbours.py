@@ -52,6 +52,7 @@ def local(r_e, true):
 # ------------------------------------------------------------------------------------------ street of detours
 
 
+@pytest.mark.campaign
 def test_neighbours_solve_the_epochs_that_one_alone_gives_up():
     """Seeds chosen in advance; the unlinked fault search gives up a third of the epochs, and errs in others."""
     horizontal, kept, given_up, plain = [], [], [], []
@@ -308,6 +309,7 @@ def canyon(shared_data):
     return points, np.stack([np.interp(points.t, t, r[:, i]) for i in range(3)], axis=-1)
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_single_points_in_a_canyon(canyon):
     """The issue asks for 460 of 485 epochs, p50 4 m, p95 15 m. Nothing was chosen by these numbers; half by half."""

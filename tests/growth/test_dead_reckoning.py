@@ -96,6 +96,7 @@ def test_planar_monte_carlo_meets_the_closed_forms(grade, start):
         assert abs(result.sigma["position_east"][-1] / p - 1.0) < 0.05
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("grade", ["consumer", "tactical"])
 @pytest.mark.thinned(2)
 def test_upright_monte_carlo_meets_the_closed_forms(grade):

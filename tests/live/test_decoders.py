@@ -162,6 +162,7 @@ def test_garbage_is_counted_and_the_stream_goes_on():
     assert len(stream.left_out) <= 3
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_raw_measurements_of_ubx_in_pieces_are_those_of_the_file(shared_data, tmp_path):
     """The beginning of a walk: every epoch to the last bit, and every ephemeris that the log has by then."""
@@ -405,6 +406,7 @@ def same_fixes_with_gaps(messages, gnss):
         )
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(
     ("made", "options"),

@@ -70,6 +70,7 @@ def test_late_is_in_time_for_each_kind(recording, in_time, kind):
     np.testing.assert_allclose(run(recording, coupling, kind), in_time(coupling), rtol=0.0, atol=5.0 * ROUNDING)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("step", [400.0, pytest.param(-20.0, marks=pytest.mark.campaign)])
 def test_a_late_measurement_of_the_clock_before_its_step_changes_nothing(recording, step):
     """All clocks step at 25 s; a fix, a speed and a height of before come a second after."""

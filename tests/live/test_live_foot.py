@@ -66,6 +66,7 @@ def assert_that_of_the_log(imu, live, strides):
     np.testing.assert_allclose(covariance, log.covariance_e, rtol=1e-6, atol=1e-12)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("size", [1, 37, 3000])
 def test_strides_are_those_of_the_log(size):
     """In whatever pieces it comes; the gait is what was learnt from the first six strides."""
@@ -115,6 +116,7 @@ def test_a_long_stand_is_cut_and_its_memory_bounded():
     assert_that_of_the_log(imu, live, strides)
 
 
+@pytest.mark.campaign
 def test_the_newest_solution_is_that_of_the_filter_within_its_claim():
     """Asked ten times a second, in swings and stances that are not certain yet, beside the filter of the whole log."""
     imu = walked()[1]
@@ -195,7 +197,7 @@ def damage(seed, t, gyro, accel):
         gyro[rows] = np.nan
 
 
-@pytest.mark.thinned(12)
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("seed", range(48))
 def test_whatever_comes_solutions_are_numbers(seed):
     """Two stretches of damage in a walk; no exception, no warning, nothing that is not finite."""
@@ -245,6 +247,7 @@ def test_nobody_who_walks_is_no_error():
     assert live.health == "aligning"
 
 
+@pytest.mark.campaign
 def test_the_command_writes_newest_and_smoothed_solutions(capsys, tmp_path):
     imu = walked()[1]
     write(Recording(imu=imu), tmp_path / "shoe.parquet")

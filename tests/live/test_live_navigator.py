@@ -265,6 +265,7 @@ def test_raw_samples_are_taken_in_the_units_and_axes_of_the_log(recording):
     np.testing.assert_allclose(cases.fed(live, raw)[-1], rows[-1], rtol=0.0, atol=1e-6)  # rates held: to rounding
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 @pytest.mark.thinned(2)
 @pytest.mark.parametrize("late", [0.0, 1.0])

@@ -87,6 +87,7 @@ def after_windows(rows, start):
     return (np.diff(window_of(rows[:, 0] + 0.02), prepend=0) > 0) & (rows[:, 0] > start + 61.0)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("late", [0.0, pytest.param(1.5, marks=pytest.mark.campaign)])
 def test_ten_seconds_that_are_complete_are_those_of_a_log(recording, late):
     """Standard deviations a third of the truth for a quarter of a minute: a log enlarges them by the scatter of ten
@@ -156,6 +157,7 @@ def test_a_fault_and_a_jump_of_the_clock_are_found_as_in_a_log(recording):
     assert any("excluded by fault detection" in note for note in notes)
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_raw_epochs_are_corrected_as_in_a_log(psins):
     """A step of a millisecond is taken out of both; the place is the log's once ten seconds are complete."""

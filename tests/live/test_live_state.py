@@ -30,6 +30,7 @@ def part(live, recording, start, stop):
     return live.solution()
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(
     "at",
     [

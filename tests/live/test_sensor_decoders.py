@@ -32,6 +32,7 @@ def log_of(name, run, path, **options):
     return module.log_of(run, path, **options)
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", ["sbg", "xsens"])
 @pytest.mark.parametrize("options", [{}, {"axes": "FRD", "offset": 0.25}])

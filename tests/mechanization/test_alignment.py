@@ -91,6 +91,7 @@ def test_course_gives_heading_with_its_uncertainty():
         heading_from_course([0.1, 0.0, 0.0], 0.05)
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_parked_laser_gyro_finds_earth_rate_and_north(shared_data):
     """Ring-laser IMU, quasi-static for half an hour at 34.246 deg N: Earth rate, and the heading its header states."""

@@ -50,6 +50,7 @@ def flight(duration=3600.0, step=8.0, seed=1):
     return SplineMotion.through(t, llh, np.stack((bank, pitch, heading), axis=-1))
 
 
+@pytest.mark.campaign
 @pytest.mark.thinned(2)
 @pytest.mark.parametrize("frame", FRAMES)
 def test_an_hour_of_dynamic_flight_comes_back_to_the_truth(frame):

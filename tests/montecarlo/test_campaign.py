@@ -143,11 +143,13 @@ def test_a_process_that_dies_is_replaced(runs, tmp_path, executions):
     assert set(count()) == set(range(60))
 
 
+@pytest.mark.campaign
 def test_processes_that_die_again_and_again(runs):
     with pytest.raises(SchulerError, match=r"processes ended 3 times over the runs from (1[0-9]|20) on"):
         campaign(runs.dies_always, {}, 24, workers=2, batch=4)
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("pool", ["threads", "processes"])
 def test_ctrl_c_keeps_what_is_done(runs, pool, tmp_path):
     def interrupt(fraction):

@@ -129,6 +129,7 @@ def test_workers_may_come_later_and_functions_may_fail(cluster, runs):
         campaign(runs.defect, {}, 60, scheduler=cluster.address)
 
 
+@pytest.mark.campaign
 def test_when_the_scheduler_is_killed_what_was_stored_is_kept(cluster, runs, tmp_path, executions):
     path, count = executions
     cluster.add()

@@ -77,6 +77,7 @@ def test_an_honest_filter_is_found_honest(job):
     assert result.rms[result.at(68.0), 6] > 2.0 * result.rms[result.at(48.0), 6]
 
 
+@pytest.mark.campaign
 def test_the_whole_chain_says_the_same_as_lanes(job):
     """Other random numbers, so sigmas agree within the spread of two estimates: 4.5 standard errors each of 108."""
     n, m = 60, 160

@@ -56,6 +56,7 @@ def test_other_programs_can_read_it(undisturbed):
     assert json.loads(result.schema.metadata[b"schuler"])["failures"]["5"] == "x is not finite"
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("options", [{"batch": 1}, {"batch": 37}, {"workers": 3, "pool": "threads"}])
 def test_the_same_bytes_for_any_batches(undisturbed, runs, tmp_path, options):
     campaign(runs.fails, {"mean": 2.0}, 300, seed=5, store=tmp_path / "s", **{"workers": 1, **options})

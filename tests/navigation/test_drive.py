@@ -104,6 +104,7 @@ def outcomes(recording) -> Callable[[float], Outcome]:
     return cache(lambda first: run(recording, first))
 
 
+@pytest.mark.campaign
 def test_the_published_windows(outcomes):
     """Best peer 4.8 m causal with wheels, 0.44 m from both sides; marks of the issue 4.0 and 0.40 m."""
     o = outcomes(40.0)
@@ -139,6 +140,7 @@ def test_the_sets_differ_in_their_windows_only(outcomes, sets):
     assert len(np.unique(starts.round(3))) == len(starts)
 
 
+@pytest.mark.campaign
 def test_wheels_bring_more_than_half(recording, outcomes):
     without = settings()
     del without["aiding"]["non_holonomic"]

@@ -333,6 +333,7 @@ def test_summary_is_for_people(recording):
     assert "mean normalised innovation squared" in text
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_real_drive_with_rtk_on(shared_data):
     """Cheap MEMS in a car: below 5 cm RMS to the RTK it is fed with."""

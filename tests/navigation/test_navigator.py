@@ -214,6 +214,7 @@ def test_a_filter_whose_covariance_is_none_stops(town):
         live.imu(0.01, np.zeros(3), np.array([0.0, 0.0, -0.098]))
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("delay", [0.0, 0.255])
 @pytest.mark.parametrize("off", [-1.0, -0.01, 0.0, 0.01, 1.0])
 @pytest.mark.parametrize("kind", ["position", "velocity"])

@@ -70,6 +70,7 @@ def horizontal(e):
     return float(np.hypot(*e.std(axis=0)[:2]))
 
 
+@pytest.mark.campaign
 def test_walk_scatters_less_than_single_points(walk, whole_walk):
     """The base station's own position is metres off, so RTK says how a track moves, not where it is.
 
@@ -90,6 +91,7 @@ def test_walk_scatters_less_than_single_points(walk, whole_walk):
     assert 0.5 < ratio < 2.0
 
 
+@pytest.mark.campaign
 def test_walk_smoothed_is_calmer(walk):
     smoothed = navigate(walk.recording, example("rtkexp_walk.toml", ("filter.smooth", True))).smooth().antenna()
     _, e = walk.offsets(smoothed.t, smoothed.r_eb_e)
@@ -101,6 +103,7 @@ CYCLE = 299_792_458.0 / 1.57542e9
 CARRIERS = (("gnss.tight.carrier", "time-differenced"), ("gnss.tight.carrier_sigma_m", 0.007))
 
 
+@pytest.mark.campaign
 def test_walk_with_carriers_scatters_half_as_much(walk, whole_walk):
     """0.08 m north, 0.12 m east against 0.23 and 0.24 m seen; smoothed 0.03 and 0.04 m."""
     result, _, e = walk.run(*CARRIERS)
@@ -142,6 +145,7 @@ def test_walk_with_an_absurd_setting_says_so_and_does_not_run_away(walk, entry, 
     assert np.abs(e - np.median(e, axis=0))[:, :2].max() < largest
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("noise", "slips_seen"), [(0.3, 0), ("log", 5)])
 def test_walk_with_one_satellite_finds_a_slip_of_a_cycle_by_a_clock_as_the_log_shows_it(walk, noise, slips_seen):
     """A cycle in the middle of each of five windows of 8 s; a wide clock takes it in."""
@@ -160,6 +164,7 @@ def test_walk_with_one_satellite_finds_a_slip_of_a_cycle_by_a_clock_as_the_log_s
     np.testing.assert_allclose(rejected, middle[:slips_seen], atol=0.01)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("scale", [pytest.param(1e-6, marks=pytest.mark.campaign), 1e6])
 def test_walk_with_range_rates_whose_sigma_is_absurd_is_judged(walk, scale):
     """Innovations that are no numbers, or count for nothing, were divided by their count: zero."""
@@ -167,6 +172,7 @@ def test_walk_with_range_rates_whose_sigma_is_absurd_is_judged(walk, scale):
     assert result.verdict.status != "ok"
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("most", "largest"), [(3, 3.0), (2, 5.0), (1, 15.0)])
 @pytest.mark.parametrize("begin", [60.0, pytest.param(75.0, marks=pytest.mark.campaign)])
 def test_walk_goes_on_with_a_subset_of_satellites(walk, whole_walk, most, largest, begin):
@@ -287,6 +293,7 @@ def test_the_spline_is_the_simulators_path(spirent, shared_data):
     assert np.abs(at.v_eb_e - x[:, 7:10]).max() < 5e-3
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("name", "level", "height"), [("none_tropo-none", 0.02, 0.03), ("Klob_tropo-Saast", 0.04, 0.25)]
 )
@@ -300,6 +307,7 @@ def test_spirent_with_a_perfect_imu(perfect, name, level, height):
     assert not any(result.innovations.rejected().values())
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", list(SETS))
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_spirent_finds_injected_biases(spirent, name, sign):
@@ -394,6 +402,7 @@ def test_a_vehicle_in_wrong_axes_starts_from_accelerations(vehicle):
 # --- parked on a roof, with gaps and without Doppler ------------------------------------------------------------------
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("variant", ["", "_noDoppler", "_psrGaps"])
 @pytest.mark.parametrize("systems", ["GREC", "GE"])
 @pytest.mark.thinned(6)
@@ -433,6 +442,7 @@ def test_a_roof_stays_put(shared_data, variant, systems):
     assert np.linalg.norm(away) < 12.0  # its own sigmas are 3 and 4 m, ours leave the slow errors out
 
 
+@pytest.mark.campaign
 def test_a_roof_by_carriers_against_a_base(shared_data):
     """VN310 with Reach M2 as its base; both share an antenna, so that the truth is where the base is stated to be."""
     folder, name = shared_data / "instinct_tckf", "reach-m2-01_raw_202306291111"

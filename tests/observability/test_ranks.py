@@ -80,6 +80,7 @@ def test_ranks_without_earth_rate_do_not_depend_on_the_prior(sigma_gyro):
         assert result.formal == result.rank == expected
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(
     ("axis", "pitch", "states"),
     [

@@ -49,7 +49,7 @@ def base(**changes):
     return data | changes
 
 
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("name", EXPECTED)
 def test_examples(name):
     """The engine's own rows, the motion's own transitions: the expected ranks by all three rules."""
@@ -95,7 +95,7 @@ NOISE = {
 
 
 @pytest.mark.parametrize(("imu", "name"), ANCHORS)
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(4)
 def test_means_and_sigmas_of_chapter_5(imu, name):
     """Standard deviations of a velocity filter at 1 Hz, 1 cm/s. Tolerance: 0.6 of the last printed digit, or 1.5 % for
     how the reference puts noise into steps of a second (it matters for the MTi-G's tilt, 0.0543 here)."""

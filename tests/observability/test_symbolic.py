@@ -29,6 +29,7 @@ def test_ranks(axis, roll, pitch, azimuth, without, with_earth):
         assert sym.symbolic_rank(model) == expected
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize(
     ("axis", "manoeuvre"),
     [(None, False), ("x", False), ("z", False), pytest.param("z", True, marks=pytest.mark.campaign)],
@@ -104,6 +105,7 @@ def test_manoeuvres_make_everything_observable(axis):
     assert sym.symbolic_rank(sym.rotary_model(axis, manoeuvre=True, earth=False)) == 12
 
 
+@pytest.mark.campaign
 def test_thesis_verdicts_without_earth_rate():
     """Which states each scheme determines one by one, in the axes of the IMU (Du, section 5.3)."""
     velocity = {"dv_E", "dv_N", "dv_U"}
@@ -123,6 +125,7 @@ def test_an_angle_may_be_a_symbol():
     assert len(sym.observable_combinations(model)) == 11
 
 
+@pytest.mark.campaign
 def test_our_axes_give_the_same_ranks():
     """North-east-down, errors of estimates: Du's Z is our -D, his X our y."""
     for axis, rank in ((None, 9), ("y", 10), ("z", 12)):

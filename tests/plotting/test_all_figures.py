@@ -83,6 +83,7 @@ _GATHER = (
 _DRAWN_PANELS = 4  # into given axes
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("name", NAMES)
 def test_figure(made, name):
     for figure in made(name):
@@ -153,7 +154,7 @@ def check_drawn(figure: Figure) -> None:
         assert ax.get_yscale() == ("log" if panel.log else "linear")
 
 
-@pytest.mark.thinned(3)
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("name", NAMES)
 def test_figure_of_its_own(made, name):
     """All is laid out on one page, without a warning."""

@@ -36,6 +36,7 @@ def test_every_result_is_one_short_line(results):
         assert "array(" not in line_of
 
 
+@pytest.mark.campaign
 def test_results_show_a_table_and_a_picture(results):
     for result in results:
         html = result._repr_html_()

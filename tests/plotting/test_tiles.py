@@ -42,6 +42,7 @@ def tiles_at(path, zooms=(12, 16), kind="png", *, north_west=(255, 0, 0)):
     return path
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("half", [80.0, 400.0])
 def test_the_tile_of_a_place_lies_at_the_place(tmp_path, half):
     origin = np.array([LAT, LON, 400.0])

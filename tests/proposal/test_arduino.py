@@ -61,6 +61,7 @@ def test_the_configuration_written_gives_the_same_numbers(folder, proposal, tmp_
     assert np.array_equal(again.trajectory.r_eb_e, once.trajectory.r_eb_e)
 
 
+@pytest.mark.campaign
 def test_the_command_writes_it_beside_the_result(folder, capsys, tmp_path):
     numbers = answer(
         capsys, "init", folder.path, "--out", tmp_path / "a.toml", "--no-trials", "--set", "imu.catalogue=MPU-6000",
@@ -88,6 +89,7 @@ def test_a_part_of_a_log_has_a_proposal_of_its_own(folder, capsys, tmp_path):
     assert "expected 0 <= FROM < TO" in refusal(capsys, "init", folder.path, "--from", "100", "--to", "10")
 
 
+@pytest.mark.campaign
 def test_what_two_files_could_be_is_one_question(folder, capsys, tmp_path):
     for name in ("left.csv", "right.csv"):
         (tmp_path / name).write_bytes((folder.path / "LOG0042.TXT").read_bytes())

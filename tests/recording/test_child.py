@@ -93,6 +93,7 @@ def test_where_no_process_can_be_started_files_are_read_here(path, monkeypatch):
     assert child.call(foreign_parsers.first_bytes, path, 1) == (b"1", os.getpid())
 
 
+@pytest.mark.campaign
 @limits
 def test_a_damaged_heap_of_hdf5_that_sends_libhdf5_in_circles(tmp_path, soon):
     """A free block of the heap of names that is its own successor: libhdf5 2.0 comes to no end, nor does Ctrl-C."""

@@ -77,6 +77,7 @@ def sbg_systems(draw):
     return encode_sbg.frame(number, draw(bodies) + bytes(draw(st.integers(0, 80))))
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(
     ("name", "message"),
     [("novatel", novatel), ("sbf", septentrio), ("vectornav", vectornav), ("xsens", xsens), ("sbg", sbg_systems)],

@@ -193,6 +193,7 @@ def test_hints_damage_and_contents(run, tmp_path):
     assert read(path, streams="gnss=none,reference=none").gnss is None
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_real_lines_of_a_vn200(shared_data):
     """Two static recordings of VNIMU lines: gravity to the sensor's 3 %, all but damaged lines read."""

@@ -98,6 +98,7 @@ def test_every_format_is_damaged():
     assert set(CASES) == set(samples.ALL)
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("name", samples.ALL)
 def test_samples_are_good(name, tmp_path):
     """The undamaged log is read, and by its looks alone where no format is named."""
@@ -106,6 +107,7 @@ def test_samples_are_good(name, tmp_path):
     assert recording.metadata.sources
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("share", [0.05, pytest.param(1.0, marks=pytest.mark.fuzz)])
 @pytest.mark.parametrize("name", CASES)
 def test_damaged_logs_raise_only_errors_of_ours(name, share, tmp_path):
@@ -149,6 +151,7 @@ TEXTS = (
 )  # fmt: skip
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("cases", [10, pytest.param(120, marks=pytest.mark.fuzz)])
 @pytest.mark.parametrize("name", TEXTS)
 def test_compiled_reading_of_damaged_text_is_the_plain_reading(name, cases, tmp_path, monkeypatch):

@@ -224,6 +224,7 @@ def test_a_missing_library_names_the_extra(run, monkeypatch):
                 call()
 
 
+@pytest.mark.campaign
 def test_a_tree_is_laid_out_as_our_netcdf_files(aided, tmp_path):
     xr = pytest.importorskip("xarray")
     pytest.importorskip("h5netcdf")

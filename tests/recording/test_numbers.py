@@ -142,7 +142,7 @@ LAYOUTS = {
 }
 
 
-@pytest.mark.thinned(3)
+@pytest.mark.thinned(6)
 @pytest.mark.parametrize("name", LAYOUTS)
 @pytest.mark.parametrize("allow", [False, True])
 def test_tables_and_their_damage_are_read_as_by_the_slower_code(tmp_path, name, allow):

@@ -42,6 +42,7 @@ CASES = {
 }
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 @pytest.mark.parametrize("case", CASES)
 def test_an_impossible_number_is_refused_with_its_row_unless_allowed(aided, tmp_path, case, suffix):

@@ -686,6 +686,7 @@ def test_instinct_spirent(shared_data, folder):
         assert row[3:] == (25065433.863, 131719743.984, pytest.approx(1453.620 * L1, rel=1e-14), 54.233)
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 @pytest.mark.filterwarnings("ignore")
 def test_georinex_reads_the_same_values(shared_data, tmp_path):

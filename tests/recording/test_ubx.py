@@ -373,6 +373,7 @@ def rinex_observations(path: Path) -> dict[tuple[float, str, str], float]:
     return values
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_measurements_are_those_rtklib_converted(walk, shared_data):
     """RTKLIB prints 3 digits; it calls combined channels X and does not know all signals of this receiver."""

@@ -63,7 +63,7 @@ def engine(case, axis):
     return static_run(schedule, CASES[case].imu_errors())
 
 
-@pytest.mark.thinned(3)
+@pytest.mark.thinned(6)
 @every
 def test_the_engine_reproduces_the_anchors(cell):
     attitude, velocity, horizontal, _ = ANCHORS[cell]

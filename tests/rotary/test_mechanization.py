@@ -104,6 +104,7 @@ def test_sensor_errors_act_alike_by_both_routes():
     assert all(d < limit for d, limit in zip(differences(*frames_), (1e-4, 2e-6, 1e-9), strict=True))
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("route", ["sensor", "body"])
 @pytest.mark.parametrize("vehicle", [REST, DRIVE], ids=["rest", "drive"])
 def test_a_known_offset_costs_nothing(route, vehicle):

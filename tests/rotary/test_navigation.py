@@ -367,6 +367,7 @@ def test_a_measurement_tied_to_the_body_is_refused():
 # ------------------------------------------------------------------------------------------------- the page
 
 
+@pytest.mark.campaign
 def test_the_documented_program_runs(tmp_path, monkeypatch):
     page = ROOT / "docs" / "rotary-filters.md"
     monkeypatch.chdir(tmp_path)

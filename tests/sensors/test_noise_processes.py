@@ -219,6 +219,7 @@ def test_models_put_their_states_side_by_side():
 # ---------------------------------------------------------------------------------------------------- samples
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(("process", "dt"), at_two_rates(EVERY))
 def test_covariance_of_samples(process, dt):
     """From the first sample on, at short and long lags, over an ensemble of columns."""

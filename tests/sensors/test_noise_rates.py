@@ -101,6 +101,7 @@ def check_drifts(process, expected: float, T: float, columns: dict[float, int]) 
     assert abs(square[slow] - square[fast]) < SIGMAS * np.hypot(error[slow], error[fast]) + 0.01
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize(("process", "expected"), DRIFTS, ids=[str(p) for p, _ in DRIFTS])
 def test_drift_of_samples_at_10_and_200_hz(process, expected):
     """One minute; the full hour below."""

@@ -124,6 +124,7 @@ def test_increments_give_the_same_as_rates(rng):
     np.testing.assert_allclose(evaluate(increments, "glrt"), evaluate(imu, "glrt"), rtol=1e-6)  # rounding of times
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("kind", [k for k in detectors.KINDS if k != "printed"])
 @pytest.mark.parametrize("window", [10, 100])
 def test_a_window_at_rest_exceeds_the_threshold_as_often_as_stated(kind, window):

@@ -54,6 +54,7 @@ def seconds_in(rests, spans) -> float:
 # --------------------------------------------------------------------------------------------- every rest
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("grade", ["yaman-automotive", "yaman-tactical", "MPU-6000"])
 def test_rests_of_the_thesis_routine(grade):
     """Every rest but 0.1 s at its edges, and no sample of a turn, though biases and G are those of the sheet."""
@@ -151,7 +152,7 @@ def test_slow_uniform_rotation_is_refused_and_the_printed_detector_passes_it(gra
     assert seconds_in(printed_rests(imu, thresholds=(0.1, 0.15 * DEG)), slow) > 8.0
 
 
-@pytest.mark.thinned(4)
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize(
     ("grade", "about", "rate_deg_s"),
     [
@@ -389,6 +390,7 @@ def xsens(shared_data, scale=1.0):
     return ImuSeries(accel[:, 0], (gyro[:, 1:] - 32768.0) / 4778.0, (accel[:, 1:] - (33124, 33275, 32364)) / 414.0)
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_poses_of_the_xsens_log(shared_data):
     """38 with any margin, as the free-pose method and imu_tk find; supports gave way by 0.02 deg/s in some."""

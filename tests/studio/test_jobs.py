@@ -76,6 +76,7 @@ def test_what_is_waited_for_goes_to_one_process_and_answers_as_the_command_does(
     assert all(other == first for other in others)
 
 
+@pytest.mark.campaign
 def test_a_worker_that_was_killed_is_followed_by_another_and_ends_with_its_server(folder):
     jobs.prepare(folder)
     kept, _ = jobs._workers[folder.root]

@@ -59,6 +59,7 @@ def test_a_stream_that_grows_beyond_the_bound_leaves_nothing(tmp_path, monkeypat
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.campaign
 def test_an_upload_that_breaks_off_leaves_nothing(server, folder):
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=30.0)
     connection.putrequest("PUT", "/studio/uploads/broken.bin")

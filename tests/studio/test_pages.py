@@ -300,6 +300,7 @@ def test_a_run_with_an_outage_that_is_drawn_has_the_numbers_of_the_command(serve
     assert b"</html>" in report
 
 
+@pytest.mark.campaign
 @chromium.needed
 def test_two_runs_are_compared_and_one_is_deleted_after_a_question(server, town):
     for name in ("first", "second"):

@@ -8,6 +8,7 @@ import pytest
 from schuler.studio.pyramid import envelope, pyramid
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("n", [1, 63, 64, 65, 513, 5000, 100_003])
 @pytest.mark.parametrize("columns", [7, 400])
 def test_every_sample_of_the_window_lies_within_the_stretch_that_shows_it(n, columns):

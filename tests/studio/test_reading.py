@@ -38,6 +38,7 @@ def test_the_cure_of_a_finding_mends_it(log):
     assert reading.cure_of(log, finding, cure.hints) is None
 
 
+@pytest.mark.campaign
 def test_the_answer_which_file_is_meant_leaves_the_others_of_the_folder(tmp_path):
     """Two IMUs beside fixes: after the answer columns, unit and fixes are recognised as without the other IMU."""
     _, recording = simulated(duration=60.0)

@@ -83,7 +83,7 @@ def test_iterations_and_biases_that_were_left_out_move_too(automotive):
     assert without.fixed == {"b_a_x": HALF * 0.002, "b_a_y": -HALF * 0.002, "b_a_z": HALF * 0.002}
 
 
-@pytest.mark.thinned(3)
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("name", ["yaman-automotive", "yaman-tactical", "MPU-6000"])
 @pytest.mark.parametrize("middle", [0.0, HALF])
 def test_factors_are_found(name, middle):

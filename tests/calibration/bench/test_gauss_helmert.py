@@ -306,6 +306,7 @@ def test_a_weak_design_is_not_an_undetermined_one(rng):
 # ------------------------------------------------------------------------------------------------ convergence
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("size", [0.5, 1.13, 3.0, 1000.0])
 @pytest.mark.parametrize("start", ["continuation", "ellipsoid"])
 def test_converges_for_a_bias_of_any_size(rng, size, start):

@@ -447,6 +447,7 @@ def test_orders_side_by_side(rng):
     assert tests[2].bic < tests[0].bic
 
 
+@pytest.mark.campaign
 def test_order_is_chosen_with_the_stated_error_rate(rng):
     """Statistical: two tests at 1 % each on data that need 3 parameters; and rejecting by F where noise is wrong."""
     chosen = []

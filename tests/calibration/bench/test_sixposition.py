@@ -181,7 +181,7 @@ def assert_covariance(results, truth):
     assert np.abs(z.mean(axis=0)).max() < 4.5 / np.sqrt(len(results))
 
 
-@pytest.mark.thinned(4)
+@pytest.mark.thinned(6)
 @pytest.mark.parametrize(
     "options",
     [

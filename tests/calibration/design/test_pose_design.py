@@ -66,7 +66,7 @@ def fit_magnitude(f, p, g=G0):
     return x
 
 
-@pytest.mark.thinned(3)
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(("plan", "p"), [(6, 6), (10, 9), (18, 9), (26, 9)])
 def test_predicted_covariance_agrees_with_monte_carlo(plan, p):
     """Real fits of a sensor with errors; variances over 300 runs within 4.5 standard errors of their scatter, plus 2 %

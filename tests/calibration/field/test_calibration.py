@@ -114,6 +114,7 @@ def test_a_unit_of_two_and_a_half_sigma_settles():
     assert chi2.ppf(1e-4, len(truth)) < nees_of(result, truth) < chi2.isf(1e-4, len(truth))
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("name", ["yaman-automotive", "MPU-6000"])
 @pytest.mark.parametrize("share", [0.1, 0.01])
 def test_wide_priors_settle(name, share):
@@ -132,6 +133,7 @@ def test_wide_priors_settle(name, share):
         assert np.max(off / prior) < 2e-3
 
 
+@pytest.mark.campaign
 @pytest.mark.thinned(2)
 @pytest.mark.parametrize(
     ("spec", "scene"),
@@ -357,6 +359,7 @@ def test_local_gravity_scales_the_accelerometers():
         assert more[name][0] - plain[name][0] == pytest.approx(-1e-3, abs=3e-5)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("runs", [1, pytest.param(30, marks=pytest.mark.campaign)])
 def test_halves_agree_by_default_with_the_heading_of_the_complete_log(runs):
     """Statistical: no log is doubted, and root mean squares are those of right claims; the heading is not given."""

@@ -257,6 +257,7 @@ def test_shares_are_those_of_the_calibration():
 # ------------------------------------------------------------------------------------------- who follows it
 
 
+@pytest.mark.campaign
 @pytest.mark.thinned(3)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_automotive_grade_is_found_out_sooner_than_by_the_routine(seed):
@@ -311,6 +312,7 @@ def test_without_heading_and_with_a_clumsy_hand():
     assert max(shares(guide.calibration()).values()) < 0.12
 
 
+@pytest.mark.campaign
 def test_a_gyroscope_off_by_20_degrees_a_second():
     """Of a log of one minute: what is found is nearer to the truth than 3 sigma of the target."""
     guide, hand, messages = led(catalogue.spec("MPU-6000"), 2, heading=KNOWN)
@@ -456,6 +458,7 @@ def test_live_rests_are_those_of_the_finished_log():
     np.testing.assert_array_equal(solution.mask, [any(a <= k < b for a, b in solution.index) for k in range(len(imu))])
 
 
+@pytest.mark.campaign
 def test_handling_is_not_taken_for_noise_for_ever():
     """A log that begins with ten seconds of handling: once there is a rest, its noise is learnt."""
     hand = Person(AUTOMOTIVE, 7)
@@ -489,6 +492,7 @@ def test_the_first_turn_may_be_to_upside_down():
     assert len(live.rests()) == 3
 
 
+@pytest.mark.campaign
 def test_slow_uniform_turning_is_no_rest():
     """3 deg/s about the vertical: neither triad varies."""
     hand = Person(AUTOMOTIVE, 8)

@@ -85,7 +85,7 @@ def test_noise_is_not_enlarged_if_not_wanted():
     assert off.variance_of_unit_weight > 1.05
 
 
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("runs", [6, pytest.param(40, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "models",
@@ -112,6 +112,7 @@ def test_walks_and_decays_are_what_they_are(models, runs):
     assert 0.85 * low < np.mean(nees) < high
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("runs", [8, pytest.param(60, marks=pytest.mark.slow)])
 def test_two_sessions_are_better_than_one(runs):
     """The second starts from the first: as sure as both together, to 30 percent, and honest.

@@ -96,6 +96,7 @@ def test_an_accelerometer_left_out_leaves_the_magnetometer_out():
     assert not set(NAMES) & set(result.names)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("counts", [False, pytest.param(True, marks=pytest.mark.campaign)])
 def test_by_command(tmp_path, capsys, counts):
     """Statistical: five sigma; and what is written is read again, as the prior of the same command."""

@@ -95,6 +95,7 @@ def test_what_the_log_says_of_its_noise(solution):
     assert accel.rms < 0.01 * np.sqrt(np.mean(accel.before**2))
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     "change",
     [
@@ -126,6 +127,7 @@ def test_it_does_not_depend_on_what_is_chosen(bench, solution, change):
             assert abs(other[name][0] - solution.calibration[name][0]) < most * max(sigma, other[name][1]), name
 
 
+@pytest.mark.campaign
 def test_a_model_that_lacks_g_sensitivity_is_believed_only_as_far_as_it_is_right(bench):
     """Attitude then drifts by 28 mrad in ten seconds at rest, and nothing that is estimated explains it.
 

@@ -94,6 +94,7 @@ def test_without_g_sensitivity_the_same_log_does_not_fit():
     assert result.residuals["gyro"].rms > 1e-4
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(
     ("a", "g", "offset"), [(1.0, 1.0, 0.0), (415.0, 4778.0, 32768.0), (0.1, 57.3, 0.0), (2e-3, 0.05, 5.0)]
 )
@@ -260,7 +261,7 @@ def check_campaign(runs, options, z_limit):
 
 
 @pytest.mark.parametrize("runs", [20, pytest.param(60, marks=pytest.mark.campaign)])
-@pytest.mark.thinned(4)
+@pytest.mark.thinned(8)
 @pytest.mark.parametrize("options", OPTIONS)
 def test_covariance_is_the_scatter(options, runs):
     check_campaign(runs, options, 4.0)
@@ -340,6 +341,7 @@ def test_what_the_held_bias_misses_in_turns_is_what_drawn_biases_miss():
     assert turns.covariance[0].max() < 1.0 < 2.0 < spread[-1, -1]
 
 
+@pytest.mark.campaign
 def test_a_few_logs_with_a_bias_that_wanders():
     """The same of twelve logs, in the default suite: no block below 85 %."""
     share = coverage(12, G=5e-5, wander=3e-4, g_sensitivity=False)

@@ -165,6 +165,7 @@ def test_scalar_innovations_squared_are_the_filters_own(imu):
     assert len(z) == count
 
 
+@pytest.mark.campaign
 def test_one_figure_by_name(solution, errors):
     drawn = solution.plot()
     assert isinstance(drawn, MplFigure)

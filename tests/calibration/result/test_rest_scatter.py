@@ -18,6 +18,7 @@ def rests(rng, n=20, scatter=0.0, force=0.0, drift=0.0):
     return t, means + drift * (t - t.mean())[:, None], np.ones((n, 3)), f
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("scatter", [0.0, 1.0, 5.0])
 @pytest.mark.parametrize("n", [9, 20])
 def test_sigma_of_the_mean_holds_whatever_the_scatter(n, scatter):

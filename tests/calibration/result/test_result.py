@@ -84,6 +84,7 @@ def test_gauge_keeps_what_the_sensor_reads(gauge):
     np.testing.assert_allclose(np.linalg.norm(a.gyro, axis=1), np.linalg.norm(b.gyro, axis=1), rtol=1e-13)
 
 
+@pytest.mark.campaign
 @pytest.mark.thinned(3)
 @pytest.mark.parametrize("gauge", ["lower", "upper", "symmetric"])
 def test_gauge_covariance_is_the_scatter_of_turned_samples(gauge):

@@ -144,6 +144,7 @@ def test_edits_that_go_wrong_are_named(old, new, message, tmp_path):
     assert message in refused(TEXT.replace(old, new), tmp_path)
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(
     ("text", "message"),
     [

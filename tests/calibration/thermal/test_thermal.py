@@ -565,6 +565,7 @@ def test_documented_examples_run(page):
         exec(example, {})
 
 
+@pytest.mark.campaign
 def test_figure_has_every_parameter(tmp_path):
     from schuler.calibration.report.thermal_figure import thermal_figure
 

@@ -222,6 +222,7 @@ def test_a_run_that_breaks_down_leaves_the_others_alone():
     assert "1 runs diverged and are left out" in bad.summary()
 
 
+@pytest.mark.campaign
 def test_another_process_makes_the_same_run(tmp_path):
     """A worker that unpickles the scenario and runs three numbers of it: the same bytes."""
     scene = lane_cases.scenario(15, 10.0)
@@ -338,6 +339,7 @@ def many_normals():
     return out
 
 
+@pytest.mark.campaign
 def test_moments_of_the_normals(many_normals):
     z, n = many_normals, many_normals.size
     # statistical: 4.5 standard errors; moments of a normal, and those of twice the order, whence the errors
@@ -405,6 +407,7 @@ def test_constant_errors_are_those_of_the_simulator(rng):
     assert_same(scene)
 
 
+@pytest.mark.campaign
 def test_processes_have_the_variances_of_the_simulator():
     """Gauss-Markov from zero and stationary, random walk, constant, ramp: variance at chosen ages over many runs."""
     terms = {
@@ -628,6 +631,7 @@ print(len(kernels), *{k.py_func.__name__ for k in kernels if any("lane" in str(t
 """
 
 
+@pytest.mark.campaign
 def test_runs_in_lanes_use_no_kernel_of_the_engine():
     """One dispatcher for both would mix their machine code on disk (tests/test_jit.py says what came of it)."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}

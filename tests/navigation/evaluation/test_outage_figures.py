@@ -40,6 +40,7 @@ def comparison():
     return Comparison("drive", "truth", rows, {"one": ((20.0, 40.0),)}, start=1000.0)
 
 
+@pytest.mark.campaign
 def test_fan_has_the_claim_the_mean_and_not_too_many_lines(statistics, tmp_path):
     figure = fan(statistics)
     assert len(figure.panels) == 4

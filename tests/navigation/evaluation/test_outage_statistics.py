@@ -31,6 +31,7 @@ def config():
     return NavigationConfig.load(EXAMPLES / "town_navigation.toml")
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(
     "entries",
     [[], [("aiding.odometer", {"scale_sigma": 0.01})], [("filter.noise", {"gyro": 5.0, "accel": [2.0, 5.0, 3.0]})]],

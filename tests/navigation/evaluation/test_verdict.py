@@ -117,7 +117,7 @@ def test_an_imu_that_points_backwards_is_found_at_the_start(recording):
     assert result.errors(recording.reference).rms_horizontal < 2.0  # 1.38 m; fixes of metres
 
 
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("name", WRECKS)
 def test_a_planted_wreck_is_not_ok_and_its_cause_is_listed(recording, name):
     change, sections, status, cause = WRECKS[name]
@@ -141,6 +141,7 @@ def test_gyroscopes_against_the_course_are_doubted_alone_and_are_the_likeliest_c
     assert "turns against the course of the fixes" in verdict.causes[0]
 
 
+@pytest.mark.campaign
 def test_no_reference_is_asked(recording):
     alone = replace(recording, reference=None)
     change = {"gnss": {"sigma_scale": 0.01}}
@@ -174,6 +175,7 @@ def test_means_of_innovations_are_one_if_white_and_grow_with_what_stays():
     assert slow_nis([z[:25]], 10) == (0.0, np.inf)
 
 
+@pytest.mark.campaign
 def test_an_aid_that_never_acted_is_a_remark(recording):
     imu = recording.imu
     rng = np.random.default_rng(3)

@@ -118,6 +118,7 @@ def test_the_stored_labels_are_the_author_s_threshold_on_our_statistic(trials):
         assert np.mean((blocks < trial.thresholds["shoe"]) == label) > 0.999
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("smooth", ["walk", "stride", "none"])
 def test_better_than_the_author_with_his_labels(trials, smooth):
     """Default configuration: the resting point and the biases are estimated from the data, nothing from the truth."""

@@ -266,6 +266,7 @@ def test_fixes_seconds_apart_do_not_jump_where_the_way_between_them_winds():
     assert "jump against their own velocities at 1 of 59 steps" in note
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("late", [0.4, pytest.param(-0.3, marks=pytest.mark.campaign)])
 def test_late_velocities_are_noticed_and_put_right(recording, late):
     """Exact positions tell the lateness to a hundredth of a second; with it configured errors are those without it."""
@@ -406,6 +407,7 @@ def test_floors_and_scales():
     assert out[0, 0, 1] == 4.0
 
 
+@pytest.mark.campaign
 def test_accuracies_too_good_to_be_true_are_seen_before_and_after_the_run(recording):
     """Fixes of 1.5 m that claim 1 cm: said twice; with a floor everything is as it should be."""
     n = len(recording.gnss)
@@ -429,6 +431,7 @@ def test_single_blunders_do_nothing(recording, offset):
     assert largest(result, recording) < 1.5
 
 
+@pytest.mark.campaign
 def test_a_minute_of_wrong_fixes(recording):
     """20 m off for a minute while velocities agree with the filter: rejected, said, and left without a trace."""
     g = recording.gnss
@@ -446,6 +449,7 @@ def test_a_minute_of_wrong_fixes(recording):
     assert 15.0 < largest(held, recording) < 24.0  # the fault and no more
 
 
+@pytest.mark.campaign
 def test_a_ramp_is_not_followed_while_velocities_contradict_it(recording):
     g = recording.gnss
     ramp = np.clip(g.t - 70.0, 0.0, 60.0) * (g.t < 130.0)
@@ -463,6 +467,7 @@ def test_a_jump_of_a_kilometre_is_never_believed_within_a_minute(recording):
     assert largest(alone, recording) <= 1.5 * largest(never, recording)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("velocity", [True, pytest.param(False, marks=pytest.mark.campaign)])
 def test_accuracies_ten_times_too_good_cost_little(recording, velocity):
     """Fixes of 1.5 m that claim 15 cm: the filter finds the scatter; 2.4 and 9 m with the rule of version 0.1."""

@@ -268,6 +268,7 @@ def test_track_is_drawn_on_the_map_with_its_name(full, tmp_path):
         full.result.report(tmp_path / "r.html", background=tmp_path / "missing.png")
 
 
+@pytest.mark.campaign
 def test_a_picture_is_put_into_the_page_and_the_figure(full, tmp_path):
     pixels = np.random.default_rng(0).integers(0, 255, (300, 300, 3), dtype=np.uint8)
     T = full.result.trajectory

@@ -710,6 +710,7 @@ def test_live_gives_the_same(mission):
 # ------------------------------------------------------------------------------------------ entries and errors
 
 
+@pytest.mark.campaign
 def test_configuration_command_and_argument_are_one(mission, tmp_path):
     from schuler.cli.navigate import navigate as command
     from schuler.recording.io import write

@@ -112,6 +112,7 @@ def test_a_lever_arm_that_nobody_stated_is_no_offset(ahead):
     assert "delay" not in result.layout
 
 
+@pytest.mark.campaign
 def test_an_offset_beside_a_lever_arm():
     lever, log = np.array([1.5, 0.2, -0.5]), drive(0.3, lever=(1.5, 0.2, -0.5), sigma=0.02)
     result = navigate(log, asked())
@@ -141,6 +142,7 @@ SHEET = {
 }
 
 
+@pytest.mark.campaign
 def test_beside_stated_noise_an_offset_is_estimated_only_where_it_is_what_contradicts():
     """Law: the noise stays as it is stated."""
     late = navigate(drive(0.3), asked(SHEET))

@@ -137,6 +137,7 @@ def test_a_start_that_stays_has_new_states_as_its_prior_has_them(run, drive):
         )
 
 
+@pytest.mark.campaign
 def test_a_run_begins_there_if_noise_may_be_tuned(run, drive, monkeypatch):
     monkeypatch.setattr("schuler.navigation.run.prepared_run", lambda *_, **__: started(run, drive, 130.0))
     for tune, begins in ((True, True), ("auto", False), (False, False)):

@@ -63,6 +63,7 @@ def test_errors_that_stay_with_a_satellite_enlarge_its_sigma_and_white_ones_do_n
     assert 0.0 < spread < 0.5
 
 
+@pytest.mark.campaign
 def test_reflections_are_honestly_claimed(reflected):
     plain = navigate(reflected, config())
     result = navigate(reflected, config(tune=True))

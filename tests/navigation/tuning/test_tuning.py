@@ -125,6 +125,7 @@ def test_noise_that_is_wrong_in_one_stretch_contradicts(recording):
     assert contradicted(prepared_run(replace(recording, imu=replace(imu, accel=imu.accel + shake)), config()))
 
 
+@pytest.mark.campaign
 def test_noise_stated_by_hand_stays_and_a_part_by_name_is_tuned(recording):
     log, wrong = mis_stated(recording, gnss=0.1)
     own = navigate(log, NavigationConfig.checked({"imu": wrong.imu.model_dump(include={"gyro", "accel"})}))
@@ -141,6 +142,7 @@ def test_what_held_back_fixes_do_not_bear_out_is_refused(recording):
     assert any("no better than configured and is not used" in note for note in asked.notes)
 
 
+@pytest.mark.campaign
 def test_noise_that_the_log_scatters_by_is_believed_however_much_it_is(recording):
     log, wrong = mis_stated(recording, imu=200.0)
     result = navigate(log, wrong)
@@ -240,6 +242,7 @@ def test_a_slow_error_of_fixes_is_recognised_and_gets_its_states(seed, tau):
     assert 0.02 < position_nees(result, log) < 4.0
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("seed", [1, 3])
 @pytest.mark.thinned(2)
 def test_white_errors_of_fixes_are_not_taken_for_slow_ones(seed):
@@ -247,6 +250,7 @@ def test_white_errors_of_fixes_are_not_taken_for_slow_ones(seed):
     assert tuning.slow == {}
 
 
+@pytest.mark.campaign
 def test_a_slow_error_beside_noise_that_is_stated_by_hand_is_doubted():
     """Law: the solution stays to the last bit, and a position many sigmas off is not ok."""
     log = slow_drift(5, 2.0, 60.0)
@@ -287,6 +291,7 @@ def test_a_slow_error_added_is_that_of_the_configuration(recording):
     np.testing.assert_allclose(added.initial.P, given.initial.P, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.campaign
 def test_a_given_start_is_tuned_without_states_it_does_not_have():
     log = slow_drift(4, 2.0, 60.0)
     start = prepared_run(log, config()).initial
@@ -312,6 +317,7 @@ def test_a_lever_arm_that_nobody_stated_is_estimated(lever):
     assert LEVER_ESTIMATED not in navigate(log, asked | {"gnss": {"lever_arm_m": list(lever)}}).notes
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.thinned(2)
 def test_an_antenna_at_the_imu_stays_there(seed):
@@ -402,6 +408,7 @@ def test_the_accelerometer_with_gravity_is_tuned_by_itself(recording, mounted, e
 # --- the file
 
 
+@pytest.mark.campaign
 def test_what_is_written_and_read_again_gives_the_same_run(recording, tmp_path, capsys):
     log, wrong = mis_stated(recording, gnss=10.0)
     write(log, tmp_path / "log.parquet")

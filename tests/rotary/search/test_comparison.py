@@ -63,6 +63,7 @@ def test_free_navigation_scatters_as_predicted(which, rows, name):
     assert low < total / n < high  # statistical
 
 
+@pytest.mark.campaign
 @pytest.mark.thinned(2)
 @pytest.mark.parametrize("which", [0, 1], ids=["conventional", "rotary"])
 def test_the_filter_scatters_as_predicted(which):

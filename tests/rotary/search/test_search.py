@@ -142,7 +142,7 @@ def test_spaces_and_families_that_make_no_sense():
 
 
 @pytest.mark.thinned(2)
-@pytest.mark.parametrize("cable", [False, True])
+@pytest.mark.parametrize("cable", [True, False])
 def test_no_named_scheme_is_better_than_the_best(cable):
     result, (_, space, _) = searched(cable), prepared(cable)
     for axes in (1, 2):
@@ -221,6 +221,7 @@ def scenario_measurements(scenario):
     return true_schedule(scenario.motion.build(), BudgetScenario(motion=scenario.motion))
 
 
+@pytest.mark.campaign
 def test_the_best_scheme_runs_from_its_own_lines():
     result = searched()
     objective, *_ = prepared()

@@ -67,6 +67,7 @@ def reference(schedule, driving, aids):
 SPEC = catalogue.spec("NAV440-emulated")
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("schedule", SCHEMES, ids=lambda s: s.name)
 @pytest.mark.parametrize(("driving", "aids"), [(False, False), (True, False), (True, True)])
 def test_columns_and_covariances_are_those_of_the_turning_imu(schedule, driving, aids):

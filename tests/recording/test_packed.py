@@ -368,3 +368,18 @@ def test_numbers_beyond_all_floats_and_samples_that_are_words_make_no_table(tmp_
     assert packed.tables(tmp_path / "log.csv") == ("gps.csv",)
     (tmp_path / "log.csv").write_text(40 * f'Data,2,gps,lat,"{140_000 * "1"}",deg,b,"1|2",counts\n')
     assert packed.tables(tmp_path / "log.csv") == ()
+
+
+def test_a_header_names_the_columns_of_kinds_that_stand_first(tmp_path):
+    """As phones' ``device_imu.csv`` has it: clocks of two kinds, ``MeasurementX``, and a kind in the first column."""
+    path = tmp_path / "device_imu.csv"
+    rows = ["MessageType,utcTimeMillis,elapsedRealtimeNanos,MeasurementX,MeasurementY,MeasurementZ,BiasX"]
+    for k, t in enumerate(1_715_964_782_000 + 20 * np.arange(N)):
+        for kind, values in (("UncalAccel", ACCEL[k]), ("UncalGyro", GYRO[k])):
+            rows.append(",".join([kind, str(t), str(91_234_567 + 20_000_000 * k), *texts(values), "0"]))
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    assert packed.tables(path) == ("UncalAccel.csv", "UncalGyro.csv")
+    for name, values in (("UncalAccel.csv", ACCEL), ("UncalGyro.csv", GYRO)):
+        table = np.genfromtxt(packed.resolved(path / name), delimiter=",", names=True)
+        np.testing.assert_array_equal(np.stack([table[axis] for axis in "xyz"], axis=1), values)
+        assert table["utcTimeMillis"][0] == 1_715_964_782_000

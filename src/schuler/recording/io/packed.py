@@ -94,9 +94,10 @@ def kind_of(path: Path) -> str | None:
         return "triples"
     delimiter = line_forms.delimiter_of(rows[-1])
     fields = [line_forms.fields_of(row, delimiter) for row in rows]
-    if _are_kinds([row[0] for row in fields]) and all(len(row) > 3 for row in fields):
+    kinds = _kind_column(text.splitlines(), delimiter)
+    if kinds is None and _are_kinds([row[0] for row in fields]) and all(len(row) > 3 for row in fields):
         return None if _names_series(fields[0]) else "words"
-    if _kind_column(text.splitlines(), delimiter) is not None:
+    if kinds is not None:
         return "column"
     return line_forms.form_of(rows, path)
 
@@ -348,7 +349,9 @@ def _kind_column(rows: Sequence[str], delimiter: str) -> int | None:
 
 
 def _axis_of_value(name: str) -> str:
-    """The axis that a numbered value of any sensor is: x for ``Value 1``, ``values[0]``; other names as they are."""
+    """The axis that a value of any sensor is: x for ``Value 1``, ``values[0]``, ``MeasurementX``; or its name."""
+    if axis := re.fullmatch(r"(?:val(?:ue)?|measurement|reading|data)s?[ _]?([xyz])", name.lower()):
+        return axis[1]
     match = re.fullmatch(r"val(?:ue)?s?[ _\[]?([0-3])\]?", name.lower())
     return name if match is None else f"value{match[1]}"
 

@@ -250,6 +250,16 @@ def test_lag1_exponent(alpha, draw):
     assert carried.tolist() == [alpha] * 4
 
 
+def test_lag1_exponent_by_its_definition():
+    """Riley and Greenhall (2004): r about the mean of what was differenced, here once."""
+    X = np.cumsum(np.random.default_rng(4).standard_normal(60))
+    u = np.arange(60.0)
+    left = np.diff(X - np.polyval(np.polyfit(u, X, 2), u))
+    left = left - left.mean()
+    r = left[1:] @ left[:-1] / (left @ left)
+    assert lag1_exponent(X, 1) == pytest.approx(2.0 - 2.0 * (r / (1.0 + r) + 1.0), abs=1e-10)
+
+
 def test_mixture_finds_the_parts():
     """From exact Allan variances: local exponents within 0.3; the correlation times are a factor of 4 apart.
 

@@ -24,7 +24,7 @@ from schuler.growth import (
     white_sampled,
 )
 from schuler.growth.closed_forms import gauss_markov
-from schuler.growth.schuler_loop import RADIUS
+from schuler.growth.schuler_loop import RADIUS, _late
 from schuler.reproduce.flenniken.study.heading.linear import LinearModel
 from schuler.reproduce.flenniken.study.tables import EXACT, POSITION
 from schuler.sensors.catalogue import spec
@@ -371,3 +371,10 @@ def test_sampled_sums_are_the_sums():
         v, r = lateral_white_sampled(k * step, step, N_a, N_g)
         assert v == pytest.approx(N_a**2 * step * np.sum(heading), rel=1e-12, abs=1e-18)
         assert r == pytest.approx(N_a**2 * step**3 * np.sum(left**2 * heading), rel=1e-12, abs=1e-18)
+
+
+def test_the_series_of_what_is_late_is_the_sine_s():
+    """By fractions, at the end of the series' range, where its terms count most; ours ends with the seventh power."""
+    x = Fraction(49, 1000)
+    exact = sum((-1) ** (k + 1) * x ** (2 * k + 1) / factorial(2 * k + 1) for k in range(1, 9))
+    assert_allclose(_late(1.0, np.array([0.049])), float(exact), rtol=1e-12)

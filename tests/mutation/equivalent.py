@@ -5,6 +5,8 @@ Keys: module, the line as it is, the line as it is in the mutant.
 
 _ANY_NEGATIVE = "numpy takes any negative length in reshape for the one that is left"
 
+_BOTH_AGREE = "at the limit of a series both sides are the same to rounding"
+
 EQUIVALENT: dict[tuple[str, ...], str] = {}
 
 
@@ -243,4 +245,65 @@ _same(
     "for _ in range(2):",
     {"2": " 3"},
     "two of Bowring's steps reach rounding, a third changes what rounding does",
+)
+_same(
+    "arrays",
+    "_BLOCK = 1 << 20  # values that are looked at at a time",
+    {"1 <<": "2 <<", "20": "19"},
+    "how many are looked at at a time changes nothing",
+)
+_same("arrays", "values = array.reshape(-1)", {"-1": "- 2"}, _ANY_NEGATIVE)
+_same(
+    "growth.schuler_loop",
+    "return np.asarray(np.where(x < 0.5, low, 1.5 * t - 2.0 * np.sin(x) / w + twice))",
+    {"<": "<="},
+    _BOTH_AGREE,
+)
+_same(
+    "growth.schuler_loop",
+    "return np.asarray(np.where(x < 0.05, series, t - np.sin(x) / w))",
+    {"<": "<="},
+    _BOTH_AGREE,
+)
+_same(
+    "mechanization.kernels",
+    "h1 = h2 = 0.0",
+    {"0.0": "-1.0"},
+    "before the first interval there is none: only whether it is positive is asked",
+)
+_same(
+    "filtering.measurements",
+    "given = np.asarray(z, dtype=np.float64).reshape(m, -1) if m else np.zeros((0, 1))",
+    {"(0, 1)": "(0, 0)"},
+    "of no measurements no values are taken",
+)
+_same(
+    "calibration.bench.gauss_helmert",
+    "values = np.array([prior[name][0] if name in prior else 0.0 for name in PARAMETERS])",
+    {"else 0.0": "else -1.0"},
+    "where there is no prior its sigma is infinite, and its value not used",
+)
+_same(
+    "calibration.bench.gauss_helmert",
+    "if (moved < p.tolerance and wandered < 1e-6) or (np.abs(step).max() < 1e-15 and np.abs(e).max() < 1e-13):",
+    {"moved <": "moved <="},
+    "a step as large as the tolerance to the last bit",
+)
+_same(
+    "calibration.bench.gauss_helmert",
+    "keep = (S[0] * RANK_TOLERANCE < S) & (uncertain <= limit)",
+    {"RANK_TOLERANCE <": "RANK_TOLERANCE <="},
+    "a singular value as small as the tolerance to the last bit",
+)
+_same(
+    "calibration.bench.gauss_helmert",
+    'float((q.S[0] / q.S[-1]) ** 2) if r == len(q.S) == q.Vt.shape[0] else float("inf"),',
+    {"shape[0]": "shape[ -1]"},
+    "a square matrix",
+)
+_same(
+    "rotary.modulated_errors",
+    "near = np.abs(t[np.clip(np.searchsorted(t, breaks), 1, len(t) - 1)] - breaks) < 1e-9",
+    {"< 1e-9": "<= 1e-9"},
+    "a jump a billionth of a second from a time, to the last bit",
 )

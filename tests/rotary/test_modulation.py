@@ -68,6 +68,13 @@ def test_running_mean_of_a_modulated_bias():
     np.testing.assert_allclose(mean[1:, 0], np.sin(W * t[1:]) / (W * t[1:]), atol=1e-12)
 
 
+def test_steps_are_short_beside_a_revolution_a_second():
+    """sin(wt) / (wt) again; quadrature below 1e-9."""
+    w, t = 2.0 * np.pi, 10.3
+    left = residue(RotatingMotion(REST, schemes.continuous("z", w)), t).bias
+    np.testing.assert_allclose(left[0, 0], np.sin(w * t) / (w * t), atol=1e-9)
+
+
 def test_open_loop_errors_of_a_conventional_imu_are_polynomials():
     """eps = d t, dv = b t + eps x f / 2 t, dr = b t^2 / 2 + ...; rounding of the sums."""
     t = np.array([0.0, 10.0, 100.0])
@@ -215,7 +222,7 @@ def test_matrices_of_errors_and_attitude_errors_in_du_axes():
 def test_a_vehicle_that_holds_its_heading_changes_nothing_at_high_latitude():
     """Eastwards at 75 degrees the axes turn with the meridians, the vehicle with them: the platform alone modulates."""
     commands = [Manoeuvre(duration=30.0, speed=250.0), Manoeuvre(duration=60.0)]
-    vehicle = ManoeuvreMotion.of(commands, np.array([75.0 * DEG, 0.3, 1000.0]), heading=0.5 * np.pi, bank=0.0)
+    vehicle = ManoeuvreMotion.of(commands, np.array([75.0 * DEG, 0.3, 1e4]), heading=0.5 * np.pi, bank=0.0)
     motion = RotatingMotion(vehicle, schemes.continuous("z", W))
     t = np.linspace(40.0, 80.0, 21)
     s = motion.state(t)

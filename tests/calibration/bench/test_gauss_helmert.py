@@ -547,6 +547,24 @@ def test_the_weight_of_a_reading_near_the_bias_is_bounded():
 # ------------------------------------------------------------------------------------------------ how it ends
 
 
+def test_a_stage_that_frees_nothing_new_is_left_out(rng):
+    """With all but biases held, nine parameters are three: the same steps."""
+    Y = readings(scattered(rng), 1.0, LARGE) + 1e-3 * rng.standard_normal((26, 3))
+    held = dict(zip(PARAMETERS[3:], LARGE[3:], strict=True))
+    nine, three = (adjust(Y, 1e-3, 1.0, order, fixed=held) for order in (9, 3))
+    np.testing.assert_array_equal(nine.history, three.history)
+    assert nine.iterations == len(nine.history)
+
+
+def test_sigmas_of_three_axes_are_those_of_every_reading(rng):
+    Y, sigma = (
+        readings(scattered(rng), 1.0, LARGE) + 1e-3 * rng.standard_normal((26, 3)),
+        np.array([1.0, 2.0, 3.0]) * 1e-3,
+    )
+    axes, all_readings = (adjust(Y, s, 1.0) for s in (sigma, np.tile(sigma, (26, 1))))
+    np.testing.assert_array_equal(axes.values, all_readings.values)
+
+
 def test_iterations_are_counted_and_end_where_told(rng):
     Y = readings(scattered(rng), 1.0, LARGE) + 1e-3 * rng.standard_normal((26, 3))
     fit = adjust(Y, 1e-3, 1.0, start="zeros")

@@ -120,7 +120,7 @@ def test_wrong_times_are_refused():
     motion = RotatingMotion(REST, schemes.fixed())
     with pytest.raises(InputError, match="increasing times"):
         open_loop_errors(motion, ImuErrors(), [1.0, 0.0])
-    for t in ([1.0, 1.0], [1.0, 0.5]):
+    for t in ([1.0, 1.0], [1.0, 0.5], [1.0]):
         with pytest.raises(InputError, match="increasing times"):
             open_loop_errors(motion, ImuErrors(), t)
     for step in (0.0, -0.5, float("nan")):

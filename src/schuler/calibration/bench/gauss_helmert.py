@@ -150,8 +150,8 @@ def adjust(
     for i, stage in enumerate(stages):
         if stage.any() and not (i and (stage == stages[i - 1]).all()):
             solution = _iterate(problem, x, stage, history)
-            if solution.converged or i == len(stages) - 1:
-                x = solution.x
+            if solution.converged:
+                x = solution.x  # where the next stage begins
     return _adjustment(problem, solution, free, unit, history)
 
 

@@ -50,7 +50,7 @@ def _walk(data: Path) -> dict[str, Any]:
 def rtkexp_walk(data: Path) -> tuple[Recording, Asked, Judge | None]:
     parts = _walk(data)
     recording = read(data / "rtkexp_walk", imu=parts["imu"], gnss=parts["reference"])
-    return recording, {"imu": MEMS, "gnss": {"lever_arm_m": [0.0, -0.05, 0.0]}}, None
+    return recording, {"imu": MEMS, "gnss": {"lever_arm_m": [0.0, 0.05, 0.0]}}, None
 
 
 def rtkexp_walk_tight(data: Path) -> tuple[Recording, Asked, Judge | None]:
@@ -62,7 +62,7 @@ def rtkexp_walk_tight(data: Path) -> tuple[Recording, Asked, Judge | None]:
     r = frames.ecef_from_llh(fixes.llh)
     at = np.stack([np.interp(points.t, fixes.t, r[:, k]) for k in range(3)], axis=1)
     shift = np.einsum("nji,nj->ni", frames.C_en(points.llh), frames.ecef_from_llh(points.llh) - at).mean(axis=0)
-    config = {"imu": MEMS, "gnss": {"coupling": "tight", "lever_arm_m": [0.0, -0.05, 0.0]}}
+    config = {"imu": MEMS, "gnss": {"coupling": "tight", "lever_arm_m": [0.0, 0.05, 0.0]}}
     return recording, config, Judge.of_fixes(fixes)._replace(offset_n=shift)
 
 

@@ -26,6 +26,7 @@ from schuler.recording.io.hint_texts import (
 )
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.local_frame import place_local
+from schuler.recording.io.polled import samples_once
 from schuler.recording.io.raw import COUNTER, HUGE, Raw, check_increasing
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, ScalarSeries
@@ -87,7 +88,8 @@ def series_from(
         raw.ellipsoidal = True
     delay = raw.values["received"] - raw.values["t"] if raw.has(("received", "t")) else None
     time = raw.time if time is None else time
-    t, base = _time(raw, hints, time)
+    measured = not trusted and hints.kind == "rate" and raw.has((*columns.ACCEL, *columns.GYRO))
+    t, base = _time(raw, hints, time, measured)
     if delay is not None and time is None:
         raw.values["received"] = t + delay  # on the time base of t
     made: ImuSeries | GnssSeries | OdometerSeries | ScalarSeries | Trajectory
@@ -229,7 +231,8 @@ def _default_unit(raw: Raw, group: str, name: str) -> str:
     return default
 
 
-def _time(raw: Raw, hints: ReadHints, base: TimeBase | None) -> tuple[FloatArray, TimeBase]:
+def _time(raw: Raw, hints: ReadHints, base: TimeBase | None, measured: bool) -> tuple[FloatArray, TimeBase]:
+    """Times of the rows, even where bursts or an IMU read too often show an even rate, and what they count from."""
     n = len(next(iter(raw.values.values())))
     if "t" not in raw.values:
         if hints.rate is None:
@@ -247,6 +250,10 @@ def _time(raw: Raw, hints: ReadHints, base: TimeBase | None) -> tuple[FloatArray
         t, sentence = evenly
         raw.notes.append(sentence)
     check_increasing(raw, t)
+    if measured and (once := samples_once(t, [raw.values[name] for name in (*columns.ACCEL, *columns.GYRO)])):
+        rows, t, sentence = once
+        raw.keep(rows)
+        raw.notes.append(sentence)
     step = np.diff(t)
     raw.interval = float(np.median(step)) if len(t) > 1 else 1.0 / (hints.rate or np.nan)
     if len(t) > 1 and raw.interval < SHORTEST_S:

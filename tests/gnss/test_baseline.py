@@ -249,3 +249,10 @@ def test_two_receivers_on_one_roof(shared_data):
     np.testing.assert_allclose(still.baseline_n[-1], 0.0, atol=0.001)  # seen: 0.3 mm
     floating = solve_baseline(rover, base, ephemerides, llh, fix=False)
     assert np.abs(floating.baseline_n).max() < 0.3
+    partly = solve_baseline(rover, base, ephemerides, llh, sigma_code=1.0, sigma_carrier=0.01)  # three times the noise
+    part = (partly.n_fixed > 0) & (partly.n_fixed < partly.n_ambiguities)
+    assert 0 < part.sum() < 20  # seen: 6
+    assert partly.fix_share > 0.95
+    length = np.linalg.norm(partly.baseline_n, axis=1)
+    assert length[part].max() < 0.1  # seen: 45 mm
+    assert length[partly.fixed].max() < 0.01  # seen: 2.5 mm; a wrong integer is 0.19 m

@@ -11,6 +11,7 @@ from schuler.exceptions import InputError
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.series import ImuSeries
 from schuler.sensors.noise import Flicker, RandomWalk, White
+from schuler.units import G0
 
 RATE, N = 100.0, 60_000
 NOISE = White(1e-3) + Flicker(1e-4)  # 10 mrad/s or mm/s^2 a sample, floor at 225 s
@@ -330,3 +331,16 @@ def test_gyroscopes_alone_are_identified_without_a_word_on_accelerometers(clean)
     assert identified.refused == {}
     assert identified.findings == ()
     assert identified.axes["gyro_z"].terms == before.axes["gyro_z"].terms
+
+
+def test_a_triad_without_white_noise_has_a_budget_without_it():
+    """Accelerometers of steps and a slow wander, as those of a laser gyro system; it was a TypeError."""
+    rng = np.random.default_rng(1)
+    n, rate = 2000, 100.0
+    gyro = 1e-3 * rng.standard_normal((n, 3))
+    steps = np.diff(rng.standard_normal((n + 1, 3)), axis=0)  # of velocity, differenced: quantisation noise
+    accel = 0.1 * steps + np.cumsum(1e-3 * rng.standard_normal((n, 3)), axis=0) - [0.0, 0.0, G0]
+    found = identify_noise(ImuSeries(np.arange(n) / rate, gyro, accel))
+    assert found.spec.accel.random_walk == 0.0
+    assert found.spec.gyro.random_walk == pytest.approx(1e-4, rel=0.1)  # statistical
+    assert sum("no white noise of the accel" in note for note in found.notes) == 1

@@ -237,6 +237,8 @@ def _budget_notes(spec: ImuSpec | None, axes: dict[str, AxisNoise], turn_on: dic
         )
     absent = [t for t in ("gyro", "accel") if not any(a.startswith(t) for a in axes)]
     notes += tuple(f"The log has no {t}: the budget states no number for it." for t in absent)
+    white = [t for t in ("gyro", "accel") if t not in absent and getattr(spec, t).random_walk == 0.0]
+    notes += tuple(f"The log shows no white noise of the {t} beside other noise: the budget has none." for t in white)
     spoiled = [name for name, axis in axes.items() if any(f.severity == "warning" for f in axis.findings)]
     if spoiled:
         notes += (f"The budget is made of all axes, also of those with warnings: {', '.join(spoiled)}.",)
@@ -289,7 +291,8 @@ def triad_budget(
             bias = abs(float(np.linalg.norm(means)) - G0) if len(axes) == 3 else 0.0
         fitted = [i for i, n in enumerate(fit.names) if n in _FIELDS and not (n == "Q" and selection.shortest > 1)]
         fields = {_FIELDS[fit.names[i]]: float(fit.values[i]) for i in fitted}
-        triads[triad] = TriadSpec(**fields, turn_on_bias=bias)
+        # a log that quantisation or a slow wander fills shows no white noise
+        triads[triad] = TriadSpec(**{"random_walk": 0.0, **fields}, turn_on_bias=bias)
         spread[triad] = {_FIELDS[fit.names[i]]: selection.spreads[fit.names[i]].sigma for i in fitted}
         if records:  # of a standard deviation with as many degrees of freedom (chi-square)
             spread[triad]["turn_on_bias"] = float(1.0 / np.sqrt(2.0 * sum(t.records - 1 for t in records)))

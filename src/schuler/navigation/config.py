@@ -116,11 +116,7 @@ class AlignmentSection(Section):
         description="speed from which the course is taken as heading; if left out, 1 m/s, and less where that comes "
         "more than 20 s after the first motion",
     )
-    sideslip_deg: NonNegative | None = Field(
-        None,
-        description="1-sigma angle between course and heading; if left out, 8 deg for a mount that nobody stated, or "
-        "more where fixes show it; 1 deg in tight coupling",
-    )
+    sideslip_deg: NonNegative = Field(1.0, description="1-sigma angle between course and heading")
     tilt_floor_deg: NonNegative = Field(0.2, description="smallest 1-sigma tilt, for vibration and bumps")
 
     @model_validator(mode="after")

@@ -213,10 +213,10 @@ def prepared_run(
 
         judged, method, sentences = judged_start(aligned, prepared, finish)
         if judged is aligned.initial and fixes is not None:
-            shown, doubts = as_sure_as_shown(aligned, prepared, finish, config.alignment.sideslip_deg is None)
-            carried = carried_starts(shown, prepared, fixes, config)
+            carried = carried_starts(aligned, prepared, fixes, config)
+            shown, doubts = as_sure_as_shown(aligned, prepared, finish)
             judged, method = likeliest_start(shown, carried, prepared, finish)
-            sentences += doubts
+            sentences += doubts if judged is shown.initial else []
         notes += [*sentences, aligned_sentence(judged, method, float(imu.t[0]))]
         prepared = replace(prepared, initial=finish(judged))
         if aligned.source in ("course", "none"):

@@ -473,23 +473,6 @@ def test_a_course_aside_of_the_heading_is_claimed_no_better_than_fixes_bear_it_o
     assert any("bear out no more" in note for note in prepared.notes)
 
 
-@pytest.mark.parametrize("aside", [-6.0, 6.0])
-def test_a_mount_that_nobody_stated_is_known_to_8_deg(drive, aside):
-    """An IMU turned by less than the first minute of fixes shows; one that was stated to be along is taken so."""
-    C = rotation.dcm_from_rpy(np.array([0.0, 0.0, aside * units.DEG]))
-    turned = replace(drive, imu=replace(drive.imu, gyro=drive.imu.gyro @ C, accel=drive.imu.accel @ C))
-    sigma = []
-    for alignment in ({}, {"sideslip_deg": 1.0}):
-        prepared = prepared_run(turned, NavigationConfig.checked(config(alignment=alignment)))
-        nav = prepared.initial.nav
-        assert not any("bear out no more" in note for note in prepared.notes)
-        sigma.append(float(np.sqrt(prepared.initial.P[2, 2])))
-    true = drive.reference.at(np.array([nav.t])).rpy_nb[0, 2] + aside * units.DEG
-    assert abs(frames.wrap_angle(nav.rpy_nb[2] - true)) < sigma[0]
-    assert sigma[0] == pytest.approx(np.hypot(sigma[1], 8.0 * units.DEG), rel=1e-3)
-    assert sigma[1] < 2.0 * units.DEG
-
-
 @pytest.mark.parametrize("first", [7, 10, 13])
 def test_wrong_fixes_do_not_choose_a_heading(drive, first):
     """Two in a row, so that they are not seen to jump back, of fixes of a centimetre."""

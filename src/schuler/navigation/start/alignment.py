@@ -32,7 +32,6 @@ from schuler.sensors.spec import ImuSpec
 
 MIN_SPEED, _SLOW = 1.0, 0.3  # speed whose course is taken, and the one that will do rather than wait [m/s] ...
 PATIENCE_S = 20.0  # ... longer than this [s]
-SIDESLIP = 1.0 * units.DEG  # of a vehicle whose IMU lies along it: a start that is judged by its fixes begins so [rad]
 
 
 @dataclass(frozen=True)
@@ -219,8 +218,7 @@ def _course(gnss: GnssSeries, k: int, section: AlignmentSection) -> tuple[float,
     """Heading from the course at a fix and its 1-sigma [rad], and the speed there [m/s]."""
     v_n, cov_v_n = gnss.need_velocity()
     sigma_v = float(np.sqrt(max(cov_v_n[k, 0, 0], cov_v_n[k, 1, 1])))
-    sideslip = SIDESLIP if section.sideslip_deg is None else section.sideslip_deg * units.DEG
-    heading, sigma = heading_from_course(v_n[k], sigma_v, sigma_sideslip=sideslip)
+    heading, sigma = heading_from_course(v_n[k], sigma_v, sigma_sideslip=section.sideslip_deg * units.DEG)
     return heading, sigma, float(np.linalg.norm(v_n[k]))
 
 

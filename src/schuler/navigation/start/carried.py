@@ -26,7 +26,6 @@ _LEAST_S = 5.0  # between rest and fix; at less the attitude of a rest that GNSS
 _MOST = 6  # rests that are tried, the latest
 _STANDING = 0.02  # 1-sigma of the velocity of a rest [m/s]
 _GATE = 0.999  # probability with which the velocity of a good carried start passes
-_LEAST_SIDESLIP = 1e-4  # 1-sigma angle between course and heading [rad]
 _ANY_HEADING = 1.0  # 1-sigma of the heading at rest, which the course at the fix shows [rad]
 _FAULTS = {"b_v", "delay"}  # of GNSS velocities: such starts are made at the fix
 
@@ -142,14 +141,18 @@ def _at_fix(
         H_course[0, 3:5] = v[1] / speed2, -v[0] / speed2
         heading = carried.states.rpy_nb[-1, 2] - dx[2]
         off = float(frames.wrap_angle(heading - np.arctan2(v[1], v[0])))
-        sideslip2 = max(start.sigma**2 - float(np.max(cov_fix[k, [0, 1], [0, 1]])) / speed2, _LEAST_SIDESLIP**2)
-        dx, P = _updated(dx, P, H_course, np.array([off]) + H_course @ dx, np.array([[sideslip2]]))
+        dx, P = _updated(dx, P, H_course, np.array([off]) + H_course @ dx, np.array([[_sideslip(config) ** 2]]))
     else:  # fitted to the positions that the filter is given: a course, and no second measurement
         dx, P = _updated(dx, P, H_course, np.zeros(1), np.array([[start.sigma**2]]))
     q = rotation.quat_multiply(rotation.quat_from_rotvec(-C_en @ dx[:3]), s.q_eb[-1])
     r = frames.ecef_from_llh(gnss.llh[k]) - C_en @ (C_nb @ lever) - C_en @ dx[6:9]
     nav = NavState(t, r, s.v_eb_e[-1] - C_en @ dx[3:6], q)
     return InitialState(nav, P, carried.parameters[-1] - dx[9:])
+
+
+def _sideslip(config: NavigationConfig) -> float:
+    """1-sigma angle between course and heading. [rad]"""
+    return max(config.alignment.sideslip_deg * units.DEG, 1e-4)
 
 
 def _updated(

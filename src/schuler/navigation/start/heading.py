@@ -30,7 +30,6 @@ WIDTH = np.pi / _CIRCLE
 _UNSURE = 30.0 * units.DEG  # a given heading less sure than this is one of a circle
 _LOOSE = 45.0 * units.DEG  # 1-sigma with which a doubtful course counts among the headings of a circle [rad]
 _WIDER = (2.0 * WIDTH, _LOOSE)  # 1-sigma that a sure course may have instead [rad]
-_MOUNT = 8.0 * units.DEG  # 1-sigma about the vertical of a mount that nobody stated; oan_phone_drive's is 8 off [rad]
 _DECIDED = 20.0 * units.DEG  # spread of the headings that remain likely
 #: Difference of log-likelihoods that overrules a course: chi-square of 20, one degree of freedom.
 CONVICTS = 10.0
@@ -179,7 +178,7 @@ def judged_start(
 
 
 def as_sure_as_shown(
-    start: Start, prepared: PreparedRun, finish: Callable[[InitialState], InitialState], unstated: bool
+    start: Start, prepared: PreparedRun, finish: Callable[[InitialState], InitialState]
 ) -> tuple[Start, list[str]]:
     """The start with its course as sure a heading as the fixes of the first minute bear out, and a sentence if less.
 
@@ -187,8 +186,6 @@ def as_sure_as_shown(
     ----------
     start, prepared, finish
         As for :func:`judged_start`, which left the course as it is.
-    unstated : bool
-        Whether nobody stated the angle between course and heading.
 
     Notes
     -----
@@ -196,23 +193,17 @@ def as_sure_as_shown(
     heading to tens of degrees only. A run that begins with it as a sure one learns better within seconds, so that no
     other heading is much likelier over a minute; a larger 1-sigma at the same heading is, since nothing has to be
     unlearnt. It has to be likelier by as much as another heading, with all fixes and with those that pass the gates.
-    Ranges say nothing here: their errors stay on a satellite, and look like the heading's; noise tuned from them takes
-    a wide heading in. What fixes do not tell is what nobody stated: how the IMU lies about the vertical.
+    Ranges say nothing here: their errors stay on a satellite, and look like the heading's.
     """
-    if start.source != "course" or start.sigma >= WIDTH or prepared.ranges is not None:
+    fixes = prepared.ranges is None and np.isin(prepared.schedule.kind, _JUDGED).any()
+    if start.source != "course" or start.sigma >= WIDTH or not fixes:
         return start, []
-    otherwise = start
-    if unstated:
-        sigma = float(np.hypot(start.sigma, _MOUNT))
-        otherwise = replace(start, initial=start.at_heading(start.heading, sigma), sigma=sigma)
-    if not np.isin(prepared.schedule.kind, _JUDGED).any():
-        return otherwise, []
     sigmas = [start.sigma, *_WIDER]
     for gated in (False, True):
         trial = [lambda state, span, gated=gated: log_likelihood(prepared, finish(state), span, gated=gated)]
         relative, _ = _relative(start, trial, np.zeros(len(sigmas)), sigmas, _SPANS_S[0])
         if relative[0] > -CONVICTS:
-            return otherwise, []
+            return start, []
         sigmas = [start.sigma, sigmas[int(np.argmax(relative))]]
     sentence = (
         f"the course is taken for the heading at the start to {sigmas[1] / units.DEG:.0f} deg, not to "

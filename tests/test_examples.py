@@ -35,6 +35,7 @@ def folder(tmp_path_factory):
     return path
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.campaign) if n in LONG else n for n in EXAMPLES_OF])
 def test_example_runs_and_gives_what_it_says(name, folder, monkeypatch):
     monkeypatch.chdir(folder)

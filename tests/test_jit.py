@@ -181,6 +181,7 @@ def test_of_processes_that_begin_together_one_compiles(tmp_path):
     assert sorted(int(process.communicate(timeout=300.0)[0]) for process in processes) == [0, 1]
 
 
+@pytest.mark.campaign
 def test_what_is_wanted_later_is_compiled_meanwhile(tmp_path):
     """Only kernels of its module wait for that process; none is started for what is on disk."""
     (tmp_path / "two.py").write_text(TWO)

@@ -58,6 +58,7 @@ def inverted_docstrings(tree: ast.AST) -> list[str]:
     return [f"line {line}: {text.splitlines()[0]}" for text, line in docstrings(tree) if re.match(r"\s*Of\s", text)]
 
 
+@pytest.mark.campaign
 def test_names_are_of_the_field_and_docstrings_begin_with_the_thing():
     offenders = []
     for path in sorted(PACKAGE.rglob("*.py")):

@@ -203,6 +203,7 @@ def test_a_short_log_says_what_it_cannot_see():
     assert "B" not in identified.axes["gyro_x"].terms
 
 
+@pytest.mark.campaign
 def test_a_large_gap_is_told_and_widens_the_intervals(clean):
     x, before = clean
     y = x.copy()
@@ -324,6 +325,7 @@ def test_a_temperature_that_rises_is_a_warm_up_whatever_the_axes_show(clean):
     assert [f for f in steady.findings if f.code == "warm_up"] == []
 
 
+@pytest.mark.campaign
 def test_gyroscopes_alone_are_identified_without_a_word_on_accelerometers(clean):
     x, before = clean
     identified = identify_noise(ImuSeries(np.arange(N) / RATE, x[:, :3], np.zeros((N, 3))), models=MODELS)

@@ -27,6 +27,7 @@ def measured(process: Process, n: int, rng: np.random.Generator) -> Moments:
     return Moments(m, variance, DT, np.array([n]))
 
 
+@pytest.mark.campaign
 @pytest.mark.thinned(10)
 @pytest.mark.parametrize("logs", [6, 12])
 @pytest.mark.parametrize("name", list(TRUE))

@@ -45,6 +45,7 @@ def demo(tmp_path_factory):
     return json.loads(done.stdout), folder / "result", done.stderr
 
 
+@pytest.mark.campaign
 def test_demo_shows_an_honest_filter(demo):
     numbers, _, _ = demo
     for key in ("rms_horizontal_m", "max_horizontal_outage_m", "smoothed_rms_horizontal_m", "nees_mean", "elapsed_s"):
@@ -56,6 +57,7 @@ def test_demo_shows_an_honest_filter(demo):
     assert numbers["complete"]
 
 
+@pytest.mark.campaign
 def test_demo_writes_what_it_says(demo):
     numbers, folder, _ = demo
     for name in ("report.html", "solution.parquet", "smoothed.parquet", "track.kml"):

@@ -39,7 +39,7 @@ def test_there_are_files(shared_data):
     assert {kind_of(name) for name in FILES} == {kind for kind, _ in RULES}
 
 
-@pytest.mark.thinned(36)
+@pytest.mark.thinned(72)
 @pytest.mark.realdata
 @pytest.mark.parametrize("name", FILES)
 def test_every_file_opens_or_is_refused_with_the_reason(shared_data, name, capsys):

@@ -339,6 +339,7 @@ def test_standard_input_and_a_signal(log, tmp_path, ports):
     assert 0.0 < notice["sigma_horizontal_m"] < 1.0
 
 
+@pytest.mark.campaign
 def test_a_run_that_ends_goes_on_from_its_state(log, tmp_path, capsys):
     """In two parts with a state between them it is the batch run; another configuration is refused."""
     folder, config, trajectory = log

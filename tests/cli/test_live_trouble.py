@@ -73,6 +73,7 @@ def patient(port):
             time.sleep(0.01)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("rate", [10, pytest.param(0, marks=pytest.mark.campaign)])
 def test_clients_that_say_or_read_nothing_hold_up_nothing(log, tmp_path, capsys, monkeypatch, more_ports, rate):  # noqa: F811
     """At every outlet one connects and says nothing; at TCP one that reads nothing, too: the run is the batch run."""

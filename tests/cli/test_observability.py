@@ -15,6 +15,7 @@ def test_text(capsys, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())  # writes only what it is asked for
 
 
+@pytest.mark.campaign
 def test_json_with_formulas(capsys):
     data = answer(capsys, "observability", EXAMPLES / "observability_conventional.toml", "--symbolic", "--json")
     assert data["command"] == "observability"

@@ -309,6 +309,7 @@ def test_what_cannot_be_solved_is_refused(sky, folder, tmp_path, capsys):
     assert "--reference" in refused(tmp_path / "away.obs", *nav, *BARE, "--reference", fixes)
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_a_folder_of_a_receiver_just_works(shared_data, tmp_path, capsys):
     """RINEX and u-blox of one name are one log: RINEX is taken, and it is said."""

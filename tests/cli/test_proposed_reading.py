@@ -178,7 +178,7 @@ def test_a_runner_shows_gravity_in_the_stances(tmp_path, capsys, order):
     np.testing.assert_allclose(imu.gyro, omega, atol=1e-5)
 
 
-@pytest.mark.thinned(3)
+@pytest.mark.thinned(6)
 @pytest.mark.parametrize(("field", "distinct"), [(0.5, True), (1.0, False)])
 @pytest.mark.parametrize("order", [slice(None), [*range(3, 9), *range(3), *range(9, 14)]])
 def test_what_stands_beside_an_imu_is_passed_over(tmp_path, capsys, order, field, distinct):

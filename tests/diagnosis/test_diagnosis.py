@@ -106,7 +106,7 @@ AXES = [
 ]
 
 
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(4)
 @pytest.mark.parametrize(("name", "A", "G", "codes"), AXES, ids=[a[0] for a in AXES])
 def test_wrong_axes_and_signs(good, name, A, G, codes):
     diagnosis = diagnose(drives.turned(good, A, G), quick=True)
@@ -222,7 +222,7 @@ GNSS = [
 ]
 
 
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(4)
 @pytest.mark.parametrize(("name", "change", "code"), GNSS, ids=[g[0] for g in GNSS])
 def test_wrong_positions_and_velocities(good, name, change, code):
     diagnosis = diagnose(drives.with_gnss(good, **change(good.gnss)), quick=True)

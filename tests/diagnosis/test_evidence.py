@@ -183,6 +183,7 @@ def test_a_turntable_is_no_rest():
     assert len(unscaled_rests(shaken)) == 0
 
 
+@pytest.mark.campaign
 def test_one_line_of_python(good):
     assert schuler.check(good).require().ok
     bad = drives.with_imu(good, accel=good.imu.accel / G0, gyro=good.imu.gyro / DEG)

@@ -88,6 +88,7 @@ def test_detours_are_told_by_satellite():
     assert np.all(screened.sigma_range >= ranges.sigma_range)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("seeds", [range(10, 14), pytest.param(range(20, 60), marks=pytest.mark.campaign)])
 def test_levels_of_the_street_hold(seeds):
     """At most one epoch in a hundred beyond the levels; neighbours err together, so that runs are what is counted.

@@ -31,6 +31,7 @@ def test_levelling_does_not_know_the_heading():
     assert np.sqrt(a.cov_psi_n[2, 2]) == pytest.approx(np.pi)
 
 
+@pytest.mark.campaign
 def test_gyrocompass_errors_are_those_it_claims():
     """Biases drawn with their sigmas: attitude errors about N, E, D have the claimed covariance and correlation."""
     rng = np.random.default_rng(1)

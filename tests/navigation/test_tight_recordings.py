@@ -280,6 +280,7 @@ def perfect(spirent):
     return functools.cache(lambda name: spirent.run(name, ImuErrors.none(), 0, noise=False))
 
 
+@pytest.mark.campaign
 def test_the_spline_is_the_simulators_path(spirent, shared_data):
     """Between the nodes it was laid through, every half second: the file's own rows.
 
@@ -332,6 +333,7 @@ def test_spirent_finds_injected_biases(spirent, name, sign):
     assert np.linalg.norm(d, axis=1)[60:].max() < 0.6
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("runs", [6, pytest.param(40, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", list(SETS))
 @pytest.mark.thinned(2)

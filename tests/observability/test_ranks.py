@@ -53,7 +53,7 @@ def scheme(axis, roll=0, pitch=0, azimuth=0, *, earth=True, **rest):
 
 
 @pytest.mark.parametrize(("axis", "roll", "pitch", "azimuth", "without", "with_earth", "weak"), SCHEMES)
-@pytest.mark.thinned(4)
+@pytest.mark.thinned(8)
 def test_ranks_of_twelve_states_by_scheme(axis, roll, pitch, azimuth, without, with_earth, weak):
     """300 s, 10 deg/s, 12 states. Without Earth rate all three rules agree; with it the Gramian's rank is the printed
     one, and directions it calls very weak are those the prior knows better."""
@@ -71,6 +71,7 @@ def test_formal_ranks_with_earth_rate_are_the_symbolic_ones():
         assert result.formal == expected
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("sigma_gyro", [20.0, 400.0, 3600.0])
 def test_ranks_without_earth_rate_do_not_depend_on_the_prior(sigma_gyro):
     sigma = np.repeat([DEG, 0.01, 0.05, sigma_gyro * DEG_PER_HR], 3)

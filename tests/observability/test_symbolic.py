@@ -20,7 +20,7 @@ SCHEMES = [
 
 
 @pytest.mark.parametrize(("axis", "roll", "pitch", "azimuth", "without", "with_earth"), SCHEMES)
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(4)
 def test_ranks(axis, roll, pitch, azimuth, without, with_earth):
     """Exact. With Earth rate a rank in numbers counts X at an azimuth 11 and Z level 10: what is of second order in W
     is lost in its Gramian (see test_ranks_of_the_gramian); 9, 10 and 12 are the same here."""

@@ -83,7 +83,7 @@ _GATHER = (
 _DRAWN_PANELS = 4  # into given axes
 
 
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("name", NAMES)
 def test_figure(made, name):
     for figure in made(name):
@@ -98,7 +98,7 @@ def test_figure(made, name):
             assert entry[1] in STYLES
 
 
-@pytest.mark.thinned(3)
+@pytest.mark.thinned(6)
 @pytest.mark.parametrize("name", [name for name in NAMES if not name.endswith(_GATHER)])
 def test_figure_in_given_axes(made, name):
     for figure in made(name):
@@ -154,7 +154,7 @@ def check_drawn(figure: Figure) -> None:
         assert ax.get_yscale() == ("log" if panel.log else "linear")
 
 
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(4)
 @pytest.mark.parametrize("name", NAMES)
 def test_figure_of_its_own(made, name):
     """All is laid out on one page, without a warning."""

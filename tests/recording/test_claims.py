@@ -35,6 +35,7 @@ def measured(*names: str) -> dict:
     return json.loads(done.stdout)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("names", [SOME, pytest.param((), marks=pytest.mark.fuzz)], ids=["some", "all"])
 def test_claims_are_refused_and_take_no_memory(names):
     """About a hundred claims in each binary format, and decompression bombs of 2 GB in those that pack."""

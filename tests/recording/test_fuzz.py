@@ -107,7 +107,7 @@ def test_samples_are_good(name, tmp_path):
     assert recording.metadata.sources
 
 
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(4)
 @pytest.mark.parametrize("share", [0.05, pytest.param(1.0, marks=pytest.mark.fuzz)])
 @pytest.mark.parametrize("name", CASES)
 def test_damaged_logs_raise_only_errors_of_ours(name, share, tmp_path):

@@ -190,7 +190,7 @@ def as_proposed(path):
     return files, read(files.log, **files.entries)
 
 
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(4)
 @pytest.mark.parametrize("form", FORMS)
 def test_lines_that_say_what_they_are_hold_the_numbers_of_an_imu_and_of_fixes(form, tmp_path):
     rows, kind = FORMS[form]

@@ -216,6 +216,7 @@ def check_reference(run: Recording, back: Recording, kept: Kept) -> None:
     assert angle.max() <= max(kept.angle, 1e-15)
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("name", [name for name in FORMATS if name not in READERS])
 def test_a_second_round_trip_changes_nothing(name, tmp_path):
     """Written once more, what came back is the same to float64: nothing drifts with every conversion."""

@@ -108,6 +108,7 @@ def encoder(schedule=TURN, between="cubic", **errors):
 # ------------------------------------------------------------------------------------------------------- laws
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("noise", [{}, {"gyro": 3.0, "accel": 2.0}], ids=["budget", "factors"])
 def test_a_platform_that_stands_still_changes_nothing(noise):
     log, config = recording(fixed()), CONFIG | {"filter": {"noise": noise}}
@@ -223,6 +224,7 @@ def test_clocks_outages_and_rates():
 # ------------------------------------------------------------------------------- levers, offset, encoder
 
 
+@pytest.mark.campaign
 def test_lever_arm_and_offset_matter_and_are_modelled():
     rocking = reciprocating("-z", 60.0 * DEG, acceleration=60.0 * DEG, start=5.0)
     far = np.array([0.10, 0.0, 0.0])

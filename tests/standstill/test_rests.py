@@ -152,7 +152,7 @@ def test_slow_uniform_rotation_is_refused_and_the_printed_detector_passes_it(gra
     assert seconds_in(printed_rests(imu, thresholds=(0.1, 0.15 * DEG)), slow) > 8.0
 
 
-@pytest.mark.thinned(3)
+@pytest.mark.thinned(6)
 @pytest.mark.parametrize(
     ("grade", "about", "rate_deg_s"),
     [

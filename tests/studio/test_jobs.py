@@ -31,6 +31,7 @@ def ended(folder, key, seconds=60.0):
     return outcome
 
 
+@pytest.mark.campaign
 def test_an_answer_a_refusal_and_a_kill_are_told_apart(folder):
     good = jobs.start(folder, ["catalogue", "MPU-6000", "--json"], ".")
     assert good.state == "running"

@@ -57,11 +57,10 @@ GOOD = {
     "rtkexp_drive": (
         {"imu": {"file": "imu_gpst.csv", "time": "gps-tow:2374", "axes": "BRU", "offset": -0.125},
          "gnss": {"file": "gnss_1934_sf.pos", "height": "msl", "geoid_separation": -17.0}}, ()),
-    # a third of its samples are held: 100 Hz on a grid of 6 ms
     "rtkexp_walk": (
         {"imu": {"file": "imu_gpst.csv", "time": "gps-tow:2381", "axes": "LBU"},
          "gnss": {"file": "gnss_1730_sf.pos", "height": "msl", "geoid_separation": -17.0},
-         "observations": {"file": "gnss_1730.obs"}, "ephemerides": {"file": "gnss_1730.nav"}}, ("repeated",)),
+         "observations": {"file": "gnss_1730.obs"}, "ephemerides": {"file": "gnss_1730.nav"}}, ()),
     # its README: stamps jitter by half an interval
     **{f"snu_staticposes/imu_good{k}.txt": (_SNU, ("jitter",)) for k in (1, 2, 3)},
     "vn200_ratetable/static_z-_z+_IMU0.csv": ({"rate": 50.0}, ()),

@@ -120,6 +120,7 @@ def test_best_twelve_and_fourteen():
     assert [int((counts == k).sum()) for k in (1, 2, 3)] == [3, 3, 4]
 
 
+@pytest.mark.campaign
 def test_exchange_is_deterministic_and_never_worse_with_more_poses():
     def cost(n):
         A = design_matrix(a_optimal_plan(n).directions)

@@ -326,6 +326,7 @@ def test_a_gyroscope_off_by_20_degrees_a_second():
 # --------------------------------------------------------------------------------------------------- when to stop
 
 
+@pytest.mark.campaign
 def test_it_stops_and_stays_stopped():
     guide, hand, messages = deepcopy(led_automotive())
     assert messages[-1].done

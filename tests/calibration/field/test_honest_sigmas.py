@@ -50,7 +50,7 @@ def settled(imu, scene, rng):
     return ImuSeries(imu.t, imu.gyro, accel, "increment")
 
 
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(4)
 @pytest.mark.parametrize("runs", [8, pytest.param(60, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("spoil", "factor", "allowed"),

@@ -179,6 +179,7 @@ def test_the_cause_in_a_verdict_agrees_with_the_estimate_in_sign_and_size(offset
     assert 0.5 * abs(offset) < float(size) < 2.0 * abs(offset)  # a filter has followed some of it
 
 
+@pytest.mark.campaign
 def test_fixes_are_compared_where_they_belong():
     """Without another reference errors are against the fixes: at their true times, not metres ahead of them."""
     log = replace(drive(0.4), reference=None)

@@ -72,6 +72,7 @@ def test_a_start_that_is_off_is_smoothed(drive, off):
     assert np.all(np.diag(right.initial.P) <= np.diag(wrong.initial.P) * (1.0 + 1e-9))
 
 
+@pytest.mark.campaign
 def test_noise_is_that_of_the_log_wherever_the_start_is_off(drive):
     one, other = (tune(started(drive, off, 8.0)) for off in (12.0, -12.0))
     assert one.better

@@ -77,6 +77,7 @@ def test_a_consistent_tight_run_is_not_contradicted_and_one_of_wrong_noise_is(cl
     assert contradicted(prepared_run(clean, config(10.0)))
 
 
+@pytest.mark.campaign
 def test_imu_noise_stated_ten_times_too_large_is_found_from_ranges(clean):
     wrong = config(10.0)
     tuning = tune(prepared_run(clean, wrong))

@@ -342,7 +342,7 @@ def test_a_triad_without_white_noise_has_a_budget_without_it():
     gyro = 1e-3 * rng.standard_normal((n, 3))
     steps = np.diff(rng.standard_normal((n + 1, 3)), axis=0)  # of velocity, differenced: quantisation noise
     accel = 0.1 * steps + np.cumsum(1e-3 * rng.standard_normal((n, 3)), axis=0) - [0.0, 0.0, G0]
-    found = identify_noise(ImuSeries(np.arange(n) / rate, gyro, accel))
-    assert found.spec.accel.random_walk == 0.0
-    assert found.spec.gyro.random_walk == pytest.approx(1e-4, rel=0.1)  # statistical
-    assert sum("no white noise of the accel" in note for note in found.notes) == 1
+    identified = identify_noise(ImuSeries(np.arange(n) / rate, gyro, accel))
+    assert identified.spec.accel.random_walk == 0.0
+    assert identified.spec.gyro.random_walk == pytest.approx(1e-4, rel=0.1)  # statistical
+    assert sum("no white noise of the accel" in note for note in identified.notes) == 1

@@ -76,7 +76,7 @@ def test_a_run_may_be_repeated_into_its_folder(tmp_path, capsys):
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="devices and limits of Linux")
 def test_full_devices_are_one_sentence(log, town, tmp_path):
-    call = [sys.executable, "-m", "schuler"]
+    call = [sys.executable, "-B", "-m", "schuler"]  # Python itself leaves cut bytecode of what it imports first here
     with open("/dev/full", "w") as full:
         done = subprocess.run(
             [*call, "info", str(log), *HINTS], stdout=full, stderr=subprocess.PIPE, text=True, check=False

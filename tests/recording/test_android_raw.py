@@ -9,6 +9,7 @@ import schuler
 from schuler import frames
 from schuler.exceptions import FileFormatError
 from schuler.gnss import Observations, nominal_orbits, prepare_ranges, solve_points
+from schuler.gnss.carrier import begin_arcs
 from schuler.gnss.signals import BANDS, SPEED_OF_LIGHT, SYSTEMS
 from schuler.gnss.synthetic import EXACT, synthetic_ranges
 from schuler.recording.formats.android_raw import raw_measurements
@@ -24,7 +25,7 @@ FIELDS = [
     "ConstellationType", "CodeType", "ChipsetElapsedRealtimeNanos",
 ]  # fmt: skip
 KINDS = {"G": 1, "R": 3, "J": 4, "C": 5, "E": 6}
-STATES = {"G": 16_431, "E": 16_431, "C": 16_431, "R": 32_995}
+STATES = {"G": 16_431, "E": 16_431, "C": 16_431, "J": 16_431, "R": 32_995}
 ROUNDING = 0.5e-9 * SPEED_OF_LIGHT  # whole nanoseconds of the time of transmission
 
 
@@ -177,6 +178,67 @@ def test_ranges_keep_the_first_bias_until_the_clock_jumps():
     assert any("discontinuous 1 times" in note for note in back.notes)
 
 
+@pytest.mark.parametrize("count", ["4", "5"], ids=["not counted", "counted"])
+def test_a_clock_that_starts_anew(count):
+    """The hardware clock counts from zero again, its bias with it: ranges and stamps go on."""
+    o, _, _ = sky("G", n=4)
+    at = np.searchsorted(np.unique(o.t), o.t)
+    rows, full = records(o), -(WEEK_START * NS + 7)
+    since = 70 * NS + 12_345_678
+    anew = {
+        k: {
+            "TimeNanos": str(int(rows[k][FIELDS.index("TimeNanos")]) - since), "FullBiasNanos": str(full - since),
+            "HardwareClockDiscontinuityCount": count,
+        }
+        for k in np.flatnonzero(at >= 2)
+    }  # fmt: skip
+    back = read_back(o, changes=anew)
+    assert np.abs(back.pseudorange - o.pseudorange).max() < 1.01 * ROUNDING
+    assert np.abs(back.t + back.epoch_gps_s - o.t - o.epoch_gps_s).max() < 1e-6
+    assert any("discontinuous 1 times" in note for note in back.notes)
+
+
+@pytest.mark.parametrize("off_s", [0.7, -0.7, 604_800.0, -3600.0])
+def test_a_phone_that_learns_the_time_late(off_s):
+    """Two epochs by a wrong bias cost themselves at most, not the log."""
+    o, _, _ = sky("G", n=8)
+    at = np.searchsorted(np.unique(o.t), o.t)
+    bias = {k: {"FullBiasNanos": str(-(WEEK_START * NS + 7) - round(off_s * NS))} for k in np.flatnonzero(at < 2)}
+    back = read_back(o, changes=bias)
+    right = np.isfinite(back.pseudorange)
+    assert right.sum() == np.sum(at >= 2)
+    assert np.abs(back.pseudorange[right] - o.pseudorange[at >= 2]).max() < 1.01 * ROUNDING
+    assert (len(back) == right.sum()) == (abs(off_s) > 10.0)
+    said = f"off by {abs(off_s):.0f} s against its time since boot" if abs(off_s) > 10.0 else "have no pseudorange"
+    assert any(said in note for note in back.notes)
+
+
+def test_satellites_at_36_000_km():
+    """Signals of BeiDou's geostationary satellites and of QZSS take 120 to 140 ms."""
+    n, sat = 4, np.array([303, 305, 401, 403])
+    assert [SYSTEMS[s // 100] for s in sat] == ["C", "C", "J", "J"]
+    o = Observations(
+        np.full(n, 260_000.0), sat, np.array([0, 0, 1, 1]), ("2I", "1C"), np.array([3.7e7, 4.17e7, 3.3e7, 4.0e7]),
+        np.zeros(n), np.zeros(n), np.full(n, 40.0), float(WEEK_START),
+    )  # fmt: skip
+    assert np.abs(read_back(o).pseudorange - o.pseudorange).max() < 1.01 * ROUNDING
+
+
+@pytest.mark.parametrize("off_s", [14, 86_400])
+def test_a_system_whose_time_the_phone_counts_otherwise_is_named(off_s):
+    o, _, _ = sky("GC", n=2)
+    rows, week = records(o), int(WEEK_S) * NS
+    sent = FIELDS.index("ReceivedSvTimeNanos")
+    beidou = {
+        k: {"ReceivedSvTimeNanos": str((int(rows[k][sent]) + off_s * NS) % week)}
+        for k in np.flatnonzero(o.sat // 100 == SYSTEMS.index("C"))
+    }
+    back = read_back(o, changes=beidou)
+    assert np.array_equal(np.isfinite(back.pseudorange), o.sat // 100 == SYSTEMS.index("G"))
+    assert [note for note in back.notes if note.startswith("Not one measurement of BeiDou")]
+    assert not any(note.startswith("Not one") for note in read_back(o).notes)
+
+
 def test_slips_end_arcs_and_half_cycles_are_said():
     o, _, _ = sky("G", n=2)
     states = {0: "3", 1: "5", 2: "17", 3: "25"}  # reset, slip, half cycle open, half cycle resolved
@@ -185,6 +247,17 @@ def test_slips_end_arcs_and_half_cycles_are_said():
     assert np.isfinite(back.carrier[2:]).all()
     assert any("2 carriers with a reset or a cycle slip" in note for note in back.notes)
     assert any("1 carriers may be off by half a cycle" in note for note in back.notes)
+    assert np.flatnonzero(back.lock).tolist() == [2]
+
+
+def test_an_arc_ends_where_half_a_cycle_is_settled():
+    o, _, _ = sky("G", n=4)
+    mine = np.flatnonzero(o.sat == o.sat[0])
+    open_, settled = {"AccumulatedDeltaRangeState": "17"}, {"AccumulatedDeltaRangeState": "25"}
+    back = read_back(o, changes={k: open_ if i < 2 else settled for i, k in enumerate(mine)})
+    arcs = begin_arcs(back.sat, back.carrier, back.signal, back.lock)
+    assert arcs[mine].tolist() == [0, 0, 1, 1]
+    assert all(len(set(arcs[back.sat == s])) == 1 for s in np.unique(back.sat[back.sat != o.sat[0]]))
 
 
 def test_what_cannot_be_used_is_counted():
@@ -217,6 +290,10 @@ def test_damage_is_refused_with_its_record():
     ):
         with pytest.raises(FileFormatError, match=match):
             read_back(o, changes={1: {field: text}})
+    o, _, _ = sky("G", n=40)
+    back = read_back(o, changes={7: {"Cn0DbHz": "strong"}})
+    assert len(back) == len(o) - 1
+    assert any(f"1 of {len(o)} records Raw are damaged" in note for note in back.notes)
     with pytest.raises(FileFormatError, match="both a clock"):
         read_back(o, changes={k: {"FullBiasNanos": "0"} for k in range(len(o))})
 

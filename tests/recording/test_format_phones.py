@@ -92,7 +92,7 @@ def test_gnss_logger_refused(tmp_path):
     file = tmp_path / "log.txt"
     gnss_logger(file)
     good = file.read_text()
-    file.write_text(good.replace("UncalGyro,1707350382000,500000000000,", "UncalGyro,1707350382000,x,", 1))
+    file.write_text(re.sub(r"(?m)^(UncalGyro,\d+,)", r"\1x", good, count=5))
     with pytest.raises(FileFormatError, match="record 1 of UncalGyro"):
         read(file)
     file.write_text(HEAD + "Raw,1,2,18\n")
@@ -101,6 +101,23 @@ def test_gnss_logger_refused(tmp_path):
     file.write_text(good.replace(",3.0,", ",,"))
     with pytest.raises(InputError, match="sigma"):
         read(file)
+
+
+@pytest.mark.parametrize("tail", ["UncalAccel,17", "UncalGyro,1707350382000,900000000000,0.1", "Fix,GPS,4"])
+def test_a_log_of_an_app_that_was_stopped(tmp_path, tail):
+    """A last record that is cut off, and one damaged within, are left out and noted; the rest is as before."""
+    file = tmp_path / "log.txt"
+    gnss_logger(file)
+    good, whole = file.read_text(), read(file)
+    damaged = good.replace("UncalGyro,1707350382000,500000000000,", "UncalGyro,1707350382000,x,", 1)
+    for text, kinds in ((good + tail + "\n", {tail.split(",")[0]}), (damaged, {"UncalGyro"})):
+        file.write_text(text)
+        back = read(file)
+        assert len(back.imu) >= len(whole.imu) - 1
+        assert np.isfinite(back.imu.accel).all()
+        assert len(back.gnss) == len(whole.gnss)
+        for kind in kinds:
+            assert any(f"records {kind} are damaged and were left out" in note for note in back.metadata.notes)
 
 
 @pytest.mark.realdata

@@ -8,6 +8,7 @@ time since boot in nanoseconds. ``Raw`` are measurements of satellites
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -122,7 +123,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
             accel = "Accel" if accel != "Accel" else "UncalAccel"
         if any(kind == accel for kind, _ in rows):
             for kind in (accel, picked.name):
-                boot[kind], values[kind] = _table(path, rows, names, kind, _FIELDS[kind])
+                _, boot[kind], values[kind] = _table(path, [r for k, r in rows if k == kind], names, kind, notes)
             notes.append(f"IMU: {accel} and {picked.name}.")
         else:
             notes.append(f"There are rates ({picked.name}) but no accelerations: no IMU.")
@@ -134,9 +135,9 @@ def read(path: Path, hints: ReadHints) -> Recording:
             streams = [s for s in streams if s.name == "GPS"]
         picked = choose(streams, "gnss", chosen)
         assert picked is not None
-        some = [(kind, fields) for kind, fields in rows if kind == "Fix" and fields[1:2] == [picked.name]]
-        boot["Fix"], values["Fix"] = _table(path, some, names, "Fix", _FIELDS["Fix"])
-        unix = _unix(path, some, names)
+        some = [fields for kind, fields in rows if kind == "Fix" and fields[1:2] == [picked.name]]
+        kept, boot["Fix"], values["Fix"] = _table(path, some, names, "Fix", notes)
+        unix = _unix(path, [some[k] for k in kept], names)
         notes.append(f"Fixes of the provider {picked.name} out of {', '.join(providers)}.")
     raw = _raw(path, rows, names, hints, notes)
     if raw is not None and not boot:
@@ -220,34 +221,41 @@ def _places(path: Path, names: dict[str, list[str]], kind: str, required: tuple[
 
 
 def _table(
-    path: Path, rows: list[tuple[str, list[str]]], names: dict[str, list[str]], kind: str, required: tuple[str, ...]
-) -> tuple[IntArray, FloatArray]:
-    """Times since boot [ns] and fields of the records of a kind; fields that were not written are NaN."""
+    path: Path,
+    records: Sequence[Sequence[str]],
+    names: dict[str, list[str]],
+    kind: str,
+    notes: list[str],
+) -> tuple[list[int], IntArray, FloatArray]:
+    """Places of the records of a kind that hold numbers, their times since boot [ns] and fields, NaN if not written."""
+    required = _FIELDS[kind]
     stamp = next((k for k in _places(path, names, kind, _BOOT) if k is not None), None)
     places = _places(path, names, kind, required)
     if stamp is None and kind != "Fix":
         raise FileFormatError(
             f"{kind} has no elapsedRealtimeNanos: logs of GnssLogger before version 2 are not read", path
         )
-    ns, table = [], []
-    for number, (_, fields) in enumerate((row for row in rows if row[0] == kind), 1):
-        try:
-            ns.append(0 if stamp is None else int(fields[stamp]))
-            table.append([float(fields[k] or "nan") if k is not None and k < len(fields) else np.nan for k in places])
-        except (ValueError, IndexError):
-            shown = lines.shorten(",".join(fields), 60)
-            raise FileFormatError(f"record {number} of {kind}: expected numbers, got {shown}", path) from None
-        if abs(ns[-1]) > 4_000_000_000_000_000_000:
-            raise FileFormatError(f"record {number} of {kind}: impossible time {ns[-1]} ns", path)
-    return np.array(ns, dtype=np.int64), np.array(table, dtype=np.float64).reshape(len(table), len(required))
+
+    def parse(fields: Sequence[str]) -> tuple[int, list[float]]:
+        ns = 0 if stamp is None else int(fields[stamp])
+        if abs(ns) > 4_000_000_000_000_000_000:
+            raise ValueError(f"impossible time {ns} ns")
+        values = [float(fields[k] or "nan") if k is not None and k < len(fields) else np.nan for k in places]
+        if kind != "Fix" and not np.isfinite(values).all():
+            raise ValueError("an IMU measures every axis")
+        return ns, values
+
+    kept, found = android_raw.sound_records(path, kind, records, parse, notes)
+    table = np.array([row[1] for row in found], dtype=np.float64).reshape(len(found), len(required))
+    return kept, np.array([row[0] for row in found], dtype=np.int64), table
 
 
-def _unix(path: Path, rows: list[tuple[str, list[str]]], names: dict[str, list[str]]) -> IntArray:
+def _unix(path: Path, records: Sequence[Sequence[str]], names: dict[str, list[str]]) -> IntArray:
     columns = [k for k in _places(path, names, "Fix", _UNIX) if k is not None]
     if not columns:
         raise FileFormatError("the fixes have no UnixTimeMillis", path)
     try:
-        ms = [int(float(fields[columns[0]])) for _, fields in rows]
+        ms = [int(float(fields[columns[0]])) for fields in records]
     except (ValueError, IndexError, OverflowError):
         raise FileFormatError("Fix: expected whole milliseconds in UnixTimeMillis", path) from None
     if max(map(abs, ms), default=0) > 4_000_000_000_000:

@@ -9,16 +9,17 @@ measurements on Android devices, white paper, chapter 2.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import FileFormatError
 from schuler.gnss.observations import Observations
-from schuler.gnss.signals import BANDS, GLONASS_BANDS, SPEED_OF_LIGHT, SYSTEMS
+from schuler.gnss.signals import BANDS, GLONASS_BANDS, SPEED_OF_LIGHT, SYSTEM_NAMES, SYSTEMS
 from schuler.recording.formats.rinex_columns import BDT_TO_GPS_S, leap_seconds_at
 from schuler.recording.io import lines
 from schuler.timebase import WEEK_S
@@ -40,12 +41,21 @@ _WEEK_NS, _DAY_NS, _SECONDARY_NS = int(WEEK_S) * _NS, 86_400 * _NS, 100_000_000
 _CODE_LOCK, _TOW_DECODED, _MSEC_AMBIGUOUS, _GLO_TOD_DECODED = 1, 8, 16, 128
 _E1BC_CODE_LOCK, _E1C_SECONDARY, _TOW_KNOWN, _GLO_TOD_KNOWN = 1024, 2048, 16_384, 32_768
 _ADR_VALID, _ADR_RESET, _ADR_SLIP, _ADR_HALF_RESOLVED, _ADR_HALF_REPORTED = 1, 2, 4, 8, 16
+_HALF_CYCLE = 2  # of RINEX's loss of lock indicator
 _WORST_NS = 500.0  # uncertainty of the time of transmission, as in Google's GPS measurement tools [ns]
-_FARTHEST_NS = 100_000_000  # no satellite's signal takes as long [ns]
+_FARTHEST_NS = 150_000_000  # no satellite's signal takes as long; those at 36,000 km take 120 to 140 ms [ns]
+_BIAS_JUMP_NS = 5_000_000  # of the clock's bias between epochs; no oscillator drifts as much [ns]
+_DRIFT = 1e-4  # of a phone's clock at most
+_STRANGE_NS = (
+    10 * _NS
+)  # by which an epoch's GPS time and time since boot part where the phone did not know the time [ns]
+_DAMAGED = 0.01  # share of a kind's records that may be no numbers: a log ends within one where the app was stopped
 #: Android's constellations, and what its satellites' numbers count from.
 _CONSTELLATIONS = {1: ("G", 0), 2: ("S", 100), 3: ("R", 0), 4: ("J", 192), 5: ("C", 0), 6: ("E", 0), 7: ("I", 0)}
 #: Attribute of a signal whose code the log does not name (before version 3), by system and band.
 _ATTRIBUTES = {("C", "2"): "I", ("G", "5"): "Q", ("E", "5"): "Q", ("J", "5"): "Q", ("C", "5"): "P", ("I", "5"): "A"}
+
+_Row = TypeVar("_Row")
 
 
 @dataclass(frozen=True)
@@ -86,15 +96,15 @@ def raw_measurements(path: Path, names: Sequence[str], records: Sequence[Sequenc
 
     Notes
     -----
-    The bias of the receiver clock is that of the first epoch, until the count of hardware discontinuities changes: with
-    each epoch's own bias, ranges would not be what their rates say. The clock's drift stays in the ranges. Android
-    counts its carrier (accumulated delta range) as ranges: it grows with distance. Epochs with a reset or a slip have
-    no carrier, so that arcs end there.
+    The bias of the receiver clock is that of the first epoch, until the count of hardware discontinuities changes or
+    the bias jumps by more than 5 ms: with each epoch's own bias, ranges would not be what their rates say. The clock's
+    drift stays in the ranges. Android counts its carrier (accumulated delta range) as ranges: it grows with distance.
+    Epochs with a reset or a slip have no carrier, so that arcs end there, as they do where half a cycle is settled.
     """
-    whole, table = _columns(path, names, records)
+    notes: list[str] = []
+    whole, table, records = _columns(path, names, records, notes)
     time_ns, full_ns, sent_ns = whole.T
     column = dict(zip(_NUMBERS, table.T, strict=True))
-    notes: list[str] = []
     clocked = full_ns != 0
     sat, letters = _satellites(column["ConstellationType"], column["Svid"])
     use = clocked & (sat >= 0)
@@ -106,10 +116,14 @@ def raw_measurements(path: Path, names: Sequence[str], records: Sequence[Sequenc
     rest_ns: FloatArray = np.zeros(len(time_ns))
     in_use = {name: values[use] for name, values in column.items()}
     gps_ns[use], rest_ns[use] = _reception(time_ns[use], full_ns[use], in_use, notes)
+    boot = column["ChipsetElapsedRealtimeNanos"]
+    if not np.isfinite(boot).any():
+        boot = column["ElapsedRealtimeMillis"] * 1e6
+    use &= ~_of_another_time(gps_ns, boot, use, notes)
     order = np.flatnonzero(use)
     order = order[np.lexsort((sat[order], gps_ns[order]))]
     gps_ns, sent_ns, sat = gps_ns[order], sent_ns[order], sat[order]
-    rest_ns, letters = rest_ns[order], letters[order]
+    rest_ns, letters, boot = rest_ns[order], letters[order], boot[order]
     column = {name: values[order] for name, values in column.items()}
 
     frequency = np.where(np.isfinite(column["CarrierFrequencyHz"]), column["CarrierFrequencyHz"], 0.0)
@@ -125,7 +139,8 @@ def raw_measurements(path: Path, names: Sequence[str], records: Sequence[Sequenc
             f"{int((~good).sum())} of {len(good)} raw measurements have no pseudorange: code not locked, time of "
             f"transmission ambiguous or less certain than {_WORST_NS:.0f} ns."
         )
-    carrier = _carrier(column, carrier_hz, notes)
+    notes.extend(_strange_systems(letters, state, good))
+    carrier, lock = _carrier(column, carrier_hz, notes)
     named = bands != ""
     signals, signal = np.unique(code[named], return_inverse=True)
     start = int(gps_ns[0] // _WEEK_NS * _WEEK_NS)
@@ -134,32 +149,60 @@ def raw_measurements(path: Path, names: Sequence[str], records: Sequence[Sequenc
     observations = Observations(
         t[named], sat[named], signal, tuple(str(s) for s in signals), pseudorange[named],
         column["PseudorangeRateMetersPerSecond"][named], carrier[named], column["Cn0DbHz"][named],
-        epoch_gps_s=float(start // _NS), glonass_channels=channels, notes=tuple(notes),
+        epoch_gps_s=float(start // _NS), glonass_channels=channels, notes=tuple(notes), lock=lock[named],
     )  # fmt: skip
-    boot = column["ChipsetElapsedRealtimeNanos"]
-    if not np.isfinite(boot).any():
-        boot = column["ElapsedRealtimeMillis"] * 1e6
     tied = np.isfinite(boot) & (boot > 0.0)
     return RawMeasurements(observations, boot[tied].astype(np.int64), gps_ns[tied])
 
 
-def _columns(path: Path, names: Sequence[str], records: Sequence[Sequence[str]]) -> tuple[IntArray, FloatArray]:
-    """Whole nanoseconds (0 where there are none) and other numbers (NaN) of the records. Shapes (n, 3), (n, m)."""
+def _columns(
+    path: Path, names: Sequence[str], records: Sequence[Sequence[str]], notes: list[str]
+) -> tuple[IntArray, FloatArray, list[Sequence[str]]]:
+    """Whole nanoseconds (0 where there are none), other numbers (NaN) and the records. Shapes (n, 3), (n, m), (n,)."""
     place = {name: k for k, name in enumerate(names)}
-    whole, numbers = [], []
+
+    def parse(fields: Sequence[str]) -> tuple[list[int], list[float]]:
+        integers = [int(_field(fields, place[name]) or 0) for name in _WHOLE]
+        if max(map(abs, integers)) > _LARGEST:
+            raise ValueError(f"impossible time {max(integers, key=abs)} ns")
+        return integers, [float(_field(fields, place.get(name)) or "nan") for name in _NUMBERS]
+
+    kept, rows = sound_records(path, "Raw", records, parse, notes)
+    table = np.array([row[1] for row in rows], dtype=np.float64).reshape(len(rows), len(_NUMBERS))
+    table[np.abs(table) > float(_LARGEST)] = np.nan
+    whole = np.array([row[0] for row in rows], dtype=np.int64).reshape(len(rows), len(_WHOLE))
+    return whole, table, [records[k] for k in kept]
+
+
+def sound_records(
+    path: Path, kind: str, records: Sequence[Sequence[str]], parse: Callable[[Sequence[str]], _Row], notes: list[str]
+) -> tuple[list[int], list[_Row]]:
+    """Places of the records of a kind that hold numbers, and what ``parse`` makes of them.
+
+    Up to a hundredth of them may be damaged, and the last one cut off: these are left out, and noted.
+
+    Raises
+    ------
+    FileFormatError
+        With the first damaged record, where there are more.
+    """
+    kept: list[int] = []
+    rows: list[_Row] = []
+    first, last = "", 0
     for number, fields in enumerate(records, 1):
         try:
-            integers = [int(_field(fields, place[name]) or 0) for name in _WHOLE]
-            numbers.append([float(_field(fields, place.get(name)) or "nan") for name in _NUMBERS])
-        except ValueError:
-            shown = lines.shorten(",".join(fields), 60)
-            raise FileFormatError(f"record {number} of Raw: expected numbers, got {shown}", path) from None
-        if max(map(abs, integers)) > _LARGEST:
-            raise FileFormatError(f"record {number} of Raw: impossible time {max(integers, key=abs)} ns", path)
-        whole.append(integers)
-    table = np.array(numbers, dtype=np.float64).reshape(len(records), len(_NUMBERS))
-    table[np.abs(table) > float(_LARGEST)] = np.nan
-    return np.array(whole, dtype=np.int64).reshape(len(records), len(_WHOLE)), table
+            rows.append(parse(fields))
+            kept.append(number - 1)
+        except (ValueError, IndexError) as error:
+            shown = f"expected numbers, got {lines.shorten(','.join(fields), 60)}"
+            reason = str(error) if str(error).startswith("impossible") else shown
+            first, last = first or f"record {number} of {kind}: {reason}", number
+    bad = len(records) - len(kept)
+    if bad > _DAMAGED * len(records) and not (bad == 1 and kept and last == len(records)):
+        raise FileFormatError(first, path)
+    if bad:
+        notes.append(f"{bad} of {len(records)} records {kind} are damaged and were left out, the first: {first}")
+    return kept, rows
 
 
 def _field(fields: Sequence[str], place: int | None) -> str:
@@ -183,7 +226,8 @@ def _reception(
 ) -> tuple[IntArray, FloatArray]:
     """GPS time of reception by the receiver's clock, whole nanoseconds and the rest. Shapes (n,). [ns]"""
     count = np.nan_to_num(column["HardwareClockDiscontinuityCount"], nan=0.0)
-    fresh = np.concatenate(([True], np.diff(count) != 0.0))
+    moved = np.abs(np.diff(full_ns)) > _BIAS_JUMP_NS + _DRIFT * np.abs(np.diff(time_ns))
+    fresh = np.concatenate(([True], (np.diff(count) != 0.0) | moved))
     first = np.flatnonzero(fresh)[np.cumsum(fresh) - 1]
     if fresh.sum() > 1:
         notes.append(
@@ -192,6 +236,31 @@ def _reception(
     bias = np.nan_to_num(column["BiasNanos"], nan=0.0)[first]
     rest = np.nan_to_num(column["TimeOffsetNanos"], nan=0.0) - bias
     return time_ns - full_ns[first], rest
+
+
+def _of_another_time(gps_ns: IntArray, boot_ns: FloatArray, use: BoolArray, notes: list[str]) -> BoolArray:
+    """Measurements from before the phone knew GPS time, off by more than ten seconds by its time since boot. (n,)"""
+    tied = use & np.isfinite(boot_ns) & (boot_ns > 0.0)
+    off = gps_ns - np.where(tied, boot_ns, 0.0)
+    strange: BoolArray = tied & (np.abs(off - np.median(off[tied] if tied.any() else off)) > _STRANGE_NS)
+    if strange.any():
+        notes.append(
+            f"{int(strange.sum())} raw measurements were left out: the phone's GPS time was off by "
+            f"{np.abs(off - np.median(off[tied]))[strange].max() / _NS:.0f} s against its time since boot."
+        )
+    return strange
+
+
+def _strange_systems(letters: np.ndarray, state: IntArray, good: BoolArray) -> list[str]:
+    """Systems none of whose measurements has a pseudorange, although most say that their time is decoded."""
+    locked = (state & (_CODE_LOCK | _E1BC_CODE_LOCK)) > 0
+    decoded = locked & ((state & (_TOW_DECODED | _TOW_KNOWN | _GLO_TOD_DECODED | _GLO_TOD_KNOWN)) > 0)
+    return [
+        f"Not one measurement of {SYSTEM_NAMES[str(letter)]} has a pseudorange, although {int(decoded[mine].sum())} of "
+        f"{int(mine.sum())} say that their time is decoded: the phone counts that system's time otherwise."
+        for letter in np.unique(letters)
+        if not good[mine := letters == letter].any() and decoded[mine].mean() > 0.5
+    ]
 
 
 def _bands(letters: np.ndarray, frequency: FloatArray, sat: IntArray) -> tuple[np.ndarray, FloatArray, dict[int, int]]:
@@ -253,8 +322,8 @@ def _flight_ns(letters: np.ndarray, state: IntArray, gps_ns: IntArray, sent_ns: 
     return flight, np.asarray(locked & unambiguous & (flight < _FARTHEST_NS))
 
 
-def _carrier(column: Mapping[str, FloatArray], carrier_hz: FloatArray, notes: list[str]) -> FloatArray:
-    """Carrier phase, NaN where it is not valid or an arc begins. Shape (n,). [cycles]"""
+def _carrier(column: Mapping[str, FloatArray], carrier_hz: FloatArray, notes: list[str]) -> tuple[FloatArray, IntArray]:
+    """Carrier phase [cycles], NaN where it is not valid or an arc begins, and half cycles in doubt. Shapes (n,)."""
     state = np.nan_to_num(column["AccumulatedDeltaRangeState"], nan=0.0).astype(np.int64)
     valid = (state & _ADR_VALID) > 0
     broken = valid & ((state & (_ADR_RESET | _ADR_SLIP)) > 0)
@@ -262,6 +331,8 @@ def _carrier(column: Mapping[str, FloatArray], carrier_hz: FloatArray, notes: li
     if broken.any():
         notes.append(f"{int(broken.sum())} carriers with a reset or a cycle slip were left out: arcs end there.")
     if half.any():
-        notes.append(f"{int((half & ~broken).sum())} carriers may be off by half a cycle.")
+        notes.append(
+            f"{int((half & ~broken).sum())} carriers may be off by half a cycle: arcs end where that is settled."
+        )
     metres = np.where(valid & ~broken, column["AccumulatedDeltaRangeMeters"], np.nan)
-    return np.asarray(metres * carrier_hz / SPEED_OF_LIGHT)
+    return np.asarray(metres * carrier_hz / SPEED_OF_LIGHT), np.where(half & ~broken, _HALF_CYCLE, 0)

@@ -138,6 +138,7 @@ def test_a_temperature_coefficient_is_found_within_its_uncertainty():
     np.testing.assert_allclose(estimates.at(estimates.reference + 2.0), 2.0 * estimates.value)
 
 
+@pytest.mark.campaign
 def test_two_walks_are_no_cause_and_effect():
     """Ordinary least squares finds a relation in nearly every pair of random walks (spurious regression)."""
     calls = naive = 0

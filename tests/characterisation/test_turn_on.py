@@ -53,6 +53,7 @@ def test_means_that_agree_show_no_spread():
     assert turn_on_bias([2.0, 2.0, 2.0]).sigma[0] == 0.0
 
 
+@pytest.mark.thinned(4)
 @pytest.mark.parametrize("runs", [400, pytest.param(1000, marks=pytest.mark.campaign)])
 @pytest.mark.parametrize("ratio", [0.2, 1.0])
 def test_the_interval_covers_as_often_as_it_says(ratio, runs):

@@ -70,6 +70,7 @@ def advice_in(lines) -> list[str]:
     return [line for line in lines if re.search(r"\d+%", line) and "to go" in line]
 
 
+@pytest.mark.campaign
 def test_a_finished_log(finished):
     recording, lines = coached(finished)
     assert len(recording.need_imu()) == len(LOG)

@@ -269,7 +269,7 @@ def mosquitto_stream(port, held):
 
 
 @pytest.mark.parametrize("kind", ["udp", "tcp", "serial", "ws", "mqtt", "mosquitto"])
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(6)
 def test_streams_are_the_batch_run(log, tmp_path, ports, kind):
     folder, config, trajectory = log
     out, codes, stop = tmp_path / "live.jsonl", [], threading.Event()

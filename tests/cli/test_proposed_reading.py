@@ -134,6 +134,7 @@ def test_hints_are_entries_for_commands_with_a_configuration(tmp_path, capsys):
     assert "--columns t,ax,ay,az,gx,gy,gz" in message
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("order", [slice(None), [3, 4, 5, 0, 1, 2]])
 def test_a_biased_gyroscope_is_told_from_gravity_by_what_turns_make_of_it(tmp_path, capsys, order):
     """At rest both are constant: a log turned by hand, without a header and without times, asks for its rate alone."""

@@ -24,8 +24,8 @@ def test_same_numbers_byte_for_byte_and_what_differs_is_said(town, tmp_path, cap
     first, second = tmp_path / "first", tmp_path / "second"
     data = answer(
         capsys, "navigate", town, "--config", CONFIG, "--out", first, "--no-report", "--no-smooth",
-        "--outage", "120:140",
-        "--set", "filter.record_s=2.0", "--from", "5", "--to", "160", "--json",
+        "--outage", "50:60",
+        "--set", "filter.record_s=2.0", "--from", "5", "--to", "80", "--json",
     )  # fmt: skip
     assert {"resolved", "metrics", "run", "log"} <= data["files"].keys()
     metrics = json.loads((first / "metrics.json").read_text())

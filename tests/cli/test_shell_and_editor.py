@@ -64,6 +64,7 @@ def test_completion_has_every_command(shell, capsys):
         assert subprocess.run([shell, flag], input=out, text=True, check=False).returncode == 0
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash here")
 def test_bash_completes_the_name_of_a_command(capsys):
     script = run(capsys, "completion", "bash")[1]

@@ -208,6 +208,7 @@ def test_a_recorded_drive(shared_data):
     assert down == pytest.approx(-1.0, abs=0.02)
 
 
+@pytest.mark.campaign
 def test_formulas_of_scenarios():
     """Letters beside numbers: the ranks are the same."""
     for name in ("conventional", "rotary_x", "rotary_z_level", "rotary_z_tilted"):

@@ -142,7 +142,7 @@ def test_rate_of_a_lever_arm_is_its_derivative():
     np.testing.assert_allclose(np.linalg.norm(l_s, axis=1), np.linalg.norm(LEVER), rtol=1e-12)
 
 
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize(
     "schedule",
     [

@@ -118,7 +118,7 @@ def test_increments_are_taken():
 
 
 @pytest.mark.parametrize("runs", [40, pytest.param(120, marks=pytest.mark.campaign)])
-@pytest.mark.thinned(3)
+@pytest.mark.thinned(8)
 @pytest.mark.parametrize(
     "options",
     [

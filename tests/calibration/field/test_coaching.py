@@ -345,6 +345,7 @@ def test_it_does_not_stop_for_one_who_does_nothing():
     assert {a.rests for a in messages} == {1}
 
 
+@pytest.mark.campaign
 def test_patience_and_target_decide():
     """The same standing, judged by others: nothing is within reach of no patience."""
     before = initial_covariance(TACTICAL, latitude=LAT, height=HEIGHT)
@@ -554,6 +555,7 @@ def test_samples_that_cannot_be():
         Coach(catalogue.spec("flenniken-tactical"), latitude=LAT, options=FieldOptions(blocks=("M_g",)))
 
 
+@pytest.mark.campaign
 def test_options_and_an_earlier_calibration_are_taken_over():
     """The states of the options; shares of what an earlier calibration left."""
     imu = led_automotive()[0].series().between(0.0, 60.0)

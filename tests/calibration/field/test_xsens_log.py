@@ -60,6 +60,7 @@ def solution(bench):
     return field(bench[1])
 
 
+@pytest.mark.campaign
 def test_field_and_bench_agree_on_every_parameter(bench, solution):
     """Within 3 combined sigma, all 30; seen 1.27. One log, so the errors are much the same and that is generous:
     the two differ in the rests they take, in Earth rate, and in what happens to the attitude between rests.

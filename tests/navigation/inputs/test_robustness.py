@@ -383,6 +383,7 @@ def test_single_blunders_are_left_out_and_said(recording):
     assert largest(result, recording) < 3.0
 
 
+@pytest.mark.campaign
 def test_a_step_of_the_stamps_is_rejected_and_noted(recording):
     g = replace(recording.gnss, t=recording.gnss.t + 1.0 * (recording.gnss.t > 80.0))
     result = navigate(replace(recording, gnss=g), config())

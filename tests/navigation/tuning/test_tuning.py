@@ -52,12 +52,12 @@ BLOCKS: list[dict[str, float]] = [
 ]
 
 
-def recorded(seed=1, imu=None, points=POINTS, **gnss):
+def recorded(seed=1, imu=None, points=POINTS, rate_hz=50.0, **gnss):
     mission = prepare_mission(
         {
             "seed": seed,
             "motion": {"type": "waypoints", "lat_deg": 47.0, "lon_deg": 8.0, "height_m": 400.0, "waypoints": points},
-            "imu": {"rate_hz": 50.0, "kind": "increment", **(imu or IMU)},
+            "imu": {"rate_hz": rate_hz, "kind": "increment", **(imu or IMU)},
             "gnss": {"rate_hz": 1.0, "sigma_position_m": [0.3, 0.3, 0.5], "sigma_velocity_m_s": [0.05] * 3} | gnss,
         }
     )
@@ -221,7 +221,7 @@ def test_intervals_cover_what_they_claim(imu):
 
 
 def slow_drift(seed, sigma, tau):
-    return recorded(seed, drift_position_m=[sigma] * 3, drift_time_s=tau)
+    return recorded(seed, rate_hz=20.0, drift_position_m=[sigma] * 3, drift_time_s=tau)
 
 
 def position_nees(result, log):
@@ -307,7 +307,7 @@ def test_a_given_start_is_tuned_without_states_it_does_not_have():
 @pytest.mark.thinned(2)
 def test_a_lever_arm_that_nobody_stated_is_estimated(lever):
     imu = {"gyro": {**IMU["gyro"], "arw_deg_rthr": 0.3}, "accel": {**IMU["accel"], "vrw_m_s_rthr": 0.1}}
-    log = recorded(1, imu, BLOCKS, lever_arm_m=list(lever), sigma_position_m=[0.02, 0.02, 0.04])
+    log = recorded(1, imu, BLOCKS, 20.0, lever_arm_m=list(lever), sigma_position_m=[0.02, 0.02, 0.04])
     asked = {"imu": imu, "filter": {"smooth": False, "tune": True}}
     result = navigate(log, asked)
     assert LEVER_ESTIMATED in result.notes

@@ -49,7 +49,7 @@ def prepared(cable: bool = False):
 @cache
 def searched(cable: bool = False):
     objective, space, scenario = prepared(cable)
-    return search_schemes(objective, space, scenario.settings(evaluations=400, seed=3))
+    return search_schemes(objective, space, scenario.settings(evaluations=150 if cable else 400, seed=3))
 
 
 @pytest.mark.parametrize("columns", [1, 2, 3])

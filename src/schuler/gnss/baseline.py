@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -115,6 +115,10 @@ def solve_baseline(
     Teunissen, P. J. G., Montenbruck, O. (eds., 2017), Springer Handbook of GNSS, chapters 21, 23 and 26; Groves (2013),
     section 10.2.
     """
+    if hold < 0:
+        raise InputError(f"hold: expected a number of epochs, 0 for never, got {hold}")
+    if ionosphere not in ("same", "free"):
+        raise InputError(f'ionosphere: expected "same" or "free", got {ionosphere!r}')
     given = None if base_llh is None else as_floats(base_llh, "base_llh", (3,))
     to_antenna = (
         np.zeros((2, 3)) if eccentricities_n is None else as_floats(eccentricities_n, "eccentricities_n", (2, 3))
@@ -127,16 +131,12 @@ def solve_baseline(
     begins, slipped = cycle_slips(d, static=static)
     if ionosphere == "free":
         d, begins, slipped = without_ionosphere(d, begins, slipped, least_success=least_success)
-    elif ionosphere != "same":
-        raise InputError(f'ionosphere: expected "same" or "free", got {ionosphere!r}')
     k = len(d.t)
     r_float, r_best = np.full((2, k, 3), np.nan)
     cov_float, cov_best = np.full((2, k, 3, 3), np.nan)
     quotient, success = np.full((2, k), np.nan)
     n_sat, n_amb, n_fixed = np.zeros((3, k), dtype=np.int64)
     residual_code, residual_carrier = np.full((2, *d.code.shape), np.nan)
-    if hold < 0:
-        raise InputError(f"hold: expected a number of epochs, 0 for never, got {hold}")
     alike, last = np.zeros(len(d.sat), dtype=np.int64), np.full(len(d.sat), np.nan)
     state = _State(np.zeros(0, dtype=np.int64), np.zeros(3), _FREE_POSITION**2 * np.eye(3))
     start, pairs = np.eye(0), np.zeros((0, 2), dtype=np.int64)
@@ -154,18 +154,11 @@ def solve_baseline(
         if fix:
             if not np.array_equal(pairs, _pairs(D, state.slots)):
                 pairs, start = _pairs(D, state.slots), np.eye(len(D))
-            Q = D @ state.P[3:, 3:] @ D.T
-            result = fix_ambiguities(
-                start.T @ D @ state.x[3:], start.T @ (0.5 * (Q + Q.T)) @ start,
-                ratio=ratio, least_success=least_success, partial=partial,
-            )  # fmt: skip
-            start = start @ result.Z  # nearly decorrelates the next epoch, too
-            quotient[i], success[i] = result.ratio, result.success_rate
-            m = len(result.integers)
-            if result.accepted and m >= min(_LEAST_FIXED, len(D)):
-                best, cov_best[i] = _conditioned(state, start[:, len(D) - m :].T @ D, result.integers)
+            tried = _with_integers(state, D, start, ratio=ratio, least_success=least_success, partial=partial)
+            start, quotient[i], success[i] = tried.start, tried.ratio, tried.success
+            if tried.fixed:
+                best, cov_best[i], n_fixed[i] = tried.x, tried.cov_r, tried.fixed
                 r_best[i] = d.r_e[i] + best[:3]
-                n_fixed[i] = m
             if hold and n_fixed[i] == len(D):
                 alike[state.slots] = np.where(_alike(best[3:], last[state.slots], D), alike[state.slots] + 1, 1)
                 last[state.slots] = best[3:]
@@ -212,6 +205,29 @@ def _advance(before: _State, d: SingleDifferences, i: int, begins: BoolArray, *,
     x[now] = before.x[then]
     P[np.ix_(now, now)] = before.P[np.ix_(then, then)]
     return _State(slots, x, P)
+
+
+class _Tried(NamedTuple):
+    """State given the integers that were accepted, their number, the tests, and the start of the next search."""
+
+    x: FloatArray
+    cov_r: FloatArray
+    fixed: int
+    ratio: float
+    success: float
+    start: FloatArray
+
+
+def _with_integers(state: _State, D: FloatArray, start: FloatArray, **tests: Any) -> _Tried:
+    """Integers of the differences ``D``, searched for from the combinations that decorrelated the epoch before."""
+    Q = D @ state.P[3:, 3:] @ D.T
+    result = fix_ambiguities(start.T @ D @ state.x[3:], start.T @ (0.5 * (Q + Q.T)) @ start, **tests)
+    start = start @ result.Z  # nearly decorrelates the next epoch, too
+    m = len(result.integers)
+    if not result.accepted or m < min(_LEAST_FIXED, len(D)):
+        return _Tried(state.x, state.P[:3, :3], 0, result.ratio, result.success_rate, start)
+    x, cov_r = _conditioned(state, start[:, len(D) - m :].T @ D, result.integers)
+    return _Tried(x, cov_r, m, result.ratio, result.success_rate, start)
 
 
 def _between_satellites(d: SingleDifferences, i: int, slots: IntArray) -> FloatArray:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from functools import partial
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -154,71 +155,103 @@ def single_differences(
         if not sigma > 0.0:
             raise InputError(f"{name}: expected a positive standard deviation in metres, got {sigma}")
     slots, notes = _common_slots(rover, base, systems)
-    sat = slots.sat
-    b = _receiver(
-        base, ephemerides, sat, slots.base, "base", systems=systems, elevation_mask=elevation_mask, cn0_mask=cn0_mask
-    )
+    located = partial(_receiver, systems=systems, elevation_mask=elevation_mask, cn0_mask=cn0_mask)
+    b = located(base, ephemerides, slots.sat, slots.base, "base")
     to_antenna = np.zeros(3) if base_eccentricity_n is None else base_eccentricity_n
     if base_llh is None:
-        mean_e = b.r_e.mean(axis=0)
-        base_llh = llh_from_ecef(mean_e - C_en(llh_from_ecef(mean_e)) @ to_antenna)
+        base_llh = _mean_place(b, to_antenna)
         notes += ("base position: the mean of its single points, good to metres; the rover is off by as much",)
     base_e = ecef_from_llh(base_llh) + C_en(base_llh) @ to_antenna
     off = float(np.median(np.linalg.norm(b.r_e - base_e, axis=1)))
     if off > _BASE_OFF:
         raise InputError(f"base_llh: {off:.0f} m from where the base's own ranges place it; expected [rad, rad, m]")
-    r = _receiver(
-        rover, ephemerides, sat, slots.rover, "rover", systems=systems, elevation_mask=elevation_mask, cn0_mask=cn0_mask
-    )
+    r = located(rover, ephemerides, slots.sat, slots.rover, "rover")
     shift = base.epoch_gps_s - rover.epoch_gps_s
     i, j = _common_epochs(r.stamp, b.stamp + shift, rover.epoch_gps_s)
     # what both single points have in common, atmosphere above all, would put the rover into another troposphere
     r_e = r.r_e[i] - b.r_e[j] + base_e
     r_e = np.broadcast_to(np.median(r_e, axis=0), r_e.shape) if static else r_e
 
-    measured = np.isfinite(r.code[i] + r.carrier[i] + b.code[j] + b.carrier[j])
-    e, s = np.nonzero(measured)
+    e, s = np.nonzero(np.isfinite(r.code[i] + r.carrier[i] + b.code[j] + b.carrier[j]))
     if not len(e):
         raise InputError("no satellite whose code and carrier both receivers measured at one epoch")
-    cycle = np.array([wavelengths([one], name)[0] for one, name in zip(sat, slots.rover, strict=True)])
+    cycle = np.array([wavelengths([one], name)[0] for one, name in zip(slots.sat, slots.rover, strict=True)])
     band = np.array([int(name[0]) for name in slots.rover])
     record = choose_messages(
-        ephemerides, sat[s], r.stamp[i][e] - _FLIGHT_S, epoch_gps_s=rover.epoch_gps_s,
+        ephemerides, slots.sat[s], r.stamp[i][e] - _FLIGHT_S, epoch_gps_s=rover.epoch_gps_s,
         f_nav=np.char.startswith(slots.rover[s], "5"),
     )  # fmt: skip
-    shape = measured.shape
-    code, carrier, elevation = np.full((3, *shape), np.nan)
-    variance = np.zeros(shape)
-    gradient = np.full((*shape, 3), np.nan)
-    code[e, s], carrier[e, s] = 0.0, 0.0
-    for sign, x, row, time, where, antenna in (
-        (1.0, r, i[e], r.stamp[i][e], r_e[e], antennas[0]),
-        (-1.0, b, j[e], b.stamp[j][e] + shift, np.broadcast_to(base_e, (len(e), 3)), antennas[1]),
-    ):
-        p = x.code[row, s]
-        sent = transmission_times(ephemerides, sat[s], time, p, record, epoch_gps_s=rover.epoch_gps_s)
-        r_s = states_of_messages(ephemerides, sat[s], sent, record, epoch_gps_s=rover.epoch_gps_s).r_e
-        predicted, slope = predicted_ranges(r_s, where)
-        above, azimuth = directions(where, r_s)
-        if antenna is not None:
-            stand_ins: list[str] = []
-            predicted = predicted + phase_delays(antenna, sat[s], band[s], above, azimuth, stand_ins)
-            notes += tuple(stand_ins)
-        predicted = predicted + saastamoinen(llh_from_ecef(where), above, rover.epoch_gps_s + time)
-        code[e, s] += sign * (p - predicted)
-        carrier[e, s] += sign * (cycle[s] * x.carrier[row, s] - predicted)
-        variance[e, s] += noise_scale(above, x.cn0[row, s], "elevation+cn0") ** 2
-        if sign > 0.0:
-            gradient[e, s], elevation[e, s] = slope, above
+    sent = _Sent(ephemerides, rover.epoch_gps_s, slots.sat[s], band[s], cycle[s], record)
+    at_rover = _against_prediction(r, i[e], s, r.stamp[i][e], r_e[e], sent, antennas[0])
+    at_base = _against_prediction(
+        b, j[e], s, b.stamp[j][e] + shift, np.broadcast_to(base_e, (len(e), 3)), sent, antennas[1]
+    )
+    notes += at_rover.notes + at_base.notes
     if len(i) < len(r.stamp):
         notes += (f"{len(r.stamp) - len(i)} of {len(r.stamp)} epochs of the rover have none of the base",)
-    scale = np.sqrt(np.where(measured, variance, np.nan))
+
+    def table(values: FloatArray) -> FloatArray:
+        """Epochs by slots, NaN where one of the receivers did not measure."""
+        full = np.full((len(i), len(slots.sat), *values.shape[1:]), np.nan)
+        full[e, s] = values
+        return full
+
+    scale = table(np.sqrt(at_rover.scale**2 + at_base.scale**2))
     group = np.unique(
-        [f"{one // 100}{band[0]}" for one, band in zip(sat, slots.rover, strict=True)], return_inverse=True
+        [f"{one // 100}{name[0]}" for one, name in zip(slots.sat, slots.rover, strict=True)], return_inverse=True
     )[1]
     return SingleDifferences(
-        r.t[i], r_e, base_llh, sat, tuple(str(name[0]) for name in slots.rover), group.astype(np.int64), cycle, code,
-        carrier, sigma_code * scale, sigma_carrier * scale, gradient, elevation, notes,
+        r.t[i], r_e, base_llh, slots.sat, tuple(str(name[0]) for name in slots.rover), group.astype(np.int64), cycle,
+        table(at_rover.code - at_base.code), table(at_rover.carrier - at_base.carrier), sigma_code * scale,
+        sigma_carrier * scale, table(at_rover.gradient), table(at_rover.elevation), notes,
+    )  # fmt: skip
+
+
+def _mean_place(receiver: _Receiver, to_antenna_n: FloatArray) -> FloatArray:
+    """Mark below the mean of a receiver's single points. [rad, rad, m]"""
+    mean_e = receiver.r_e.mean(axis=0)
+    return llh_from_ecef(mean_e - C_en(llh_from_ecef(mean_e)) @ to_antenna_n)
+
+
+@dataclass(frozen=True)
+class _Sent:
+    """What n measurements of both receivers have in common: satellite, band, wavelength [m] and broadcast message."""
+
+    ephemerides: Ephemerides
+    epoch_gps_s: float
+    sat: IntArray
+    band: IntArray
+    wavelength: FloatArray
+    record: IntArray
+
+
+class _AgainstPrediction(NamedTuple):
+    """Measured minus predicted, factor of the noise, slope of the prediction and elevation. (n,), gradient (n, 3)"""
+
+    code: FloatArray
+    carrier: FloatArray
+    scale: FloatArray
+    gradient: FloatArray
+    elevation: FloatArray
+    notes: tuple[str, ...]
+
+
+def _against_prediction(
+    x: _Receiver, row: IntArray, slot: IntArray, time: FloatArray, r_e: FloatArray, sent: _Sent, antenna: Antenna | None
+) -> _AgainstPrediction:
+    """Code and carrier of one receiver at ``r_e`` against geometry, its antenna and the troposphere. [m]"""
+    measured = x.code[row, slot]
+    at = transmission_times(sent.ephemerides, sent.sat, time, measured, sent.record, epoch_gps_s=sent.epoch_gps_s)
+    r_s = states_of_messages(sent.ephemerides, sent.sat, at, sent.record, epoch_gps_s=sent.epoch_gps_s).r_e
+    predicted, gradient = predicted_ranges(r_s, r_e)
+    elevation, azimuth = directions(r_e, r_s)
+    stand_ins: list[str] = []
+    if antenna is not None:
+        predicted = predicted + phase_delays(antenna, sent.sat, sent.band, elevation, azimuth, stand_ins)
+    predicted = predicted + saastamoinen(llh_from_ecef(r_e), elevation, sent.epoch_gps_s + time)
+    return _AgainstPrediction(
+        measured - predicted, sent.wavelength * x.carrier[row, slot] - predicted,
+        noise_scale(elevation, x.cn0[row, slot], "elevation+cn0"), gradient, elevation, tuple(stand_ins),
     )  # fmt: skip
 
 

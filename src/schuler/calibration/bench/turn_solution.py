@@ -87,14 +87,7 @@ def solve_turns(
     InputError
         See there.
     """
-    if not (np.isfinite(gravity) and gravity > 0.0):
-        raise InputError(f"gravity: expected a positive number of m/s^2, got {gravity!r}")
-    if latitude is not None:
-        checked_latitude(latitude)
-    if g_sensitivity and turns.f is None:
-        raise InputError(
-            "turns: expected their specific force for the g-sensitivity; record it or say g_sensitivity=False"
-        )
+    _check(turns, gravity, latitude, g_sensitivity)
     if headings is not None and poses is not None:
         headings = as_floats(headings, "headings", (len(poses),))
     all_headings = None if headings is None else np.asarray(headings)
@@ -105,8 +98,7 @@ def solve_turns(
         "axis_n": None if axis_n is None else np.asarray(axis_n).tolist(),
         "accel": None if accel is None else accel.provenance,
     }  # fmt: skip
-    remarks, warnings = list(notes), []
-    also = dict(extra or {})
+    remarks, warnings, also = list(notes), [], dict(extra or {})
     fits: dict[str, LinearFit] = {}
     residuals: dict[str, Residuals] = {}
     at_rest: PosesOnFaces | None = None
@@ -131,9 +123,8 @@ def solve_turns(
         instability=instability[0], **stated,
     )  # fmt: skip
     if at_rest is not None:
-        readings = GyroReadings.joined(
-            [at_rest.readings(latitude, all_headings, heading_sigma, instability[0]), readings]
-        )
+        still = at_rest.readings(latitude, all_headings, heading_sigma, instability[0])
+        readings = GyroReadings.joined([still, readings])
     if fit is not None and at_rest is not None:
         fits["gyro"] = fit(readings, at_rest.poses, at_rest.faces, turns)
         rows_g: IntArray = np.arange(3 * len(readings))
@@ -165,6 +156,18 @@ def solve_turns(
         )  # fmt: skip
 
     return halved(result, poses, part, shared=("M_g",))
+
+
+def _check(turns: Turns, gravity: float, latitude: float | None, g_sensitivity: bool) -> None:
+    """Refuse what no adjustment can use; see :func:`solve_turns`."""
+    if not (np.isfinite(gravity) and gravity > 0.0):
+        raise InputError(f"gravity: expected a positive number of m/s^2, got {gravity!r}")
+    if latitude is not None:
+        checked_latitude(latitude)
+    if g_sensitivity and turns.f is None:
+        raise InputError(
+            "turns: expected their specific force for the g-sensitivity; record it or say g_sensitivity=False"
+        )
 
 
 def force_in_turns(turns: Turns, fit: LinearFit | None, accel: CalibrationResult | None) -> FloatArray | None:

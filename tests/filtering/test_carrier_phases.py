@@ -287,7 +287,7 @@ def test_an_arc_without_its_last_phase_begins_anew(drive):
 
 
 def test_velocity_is_better_with_carriers(drive):
-    """RMS between epochs against code and range rates, phases of 3 mm."""
+    """RMS between epochs a third at most of that of codes and range rates (seen 0.13), phases of 3 mm."""
     lay, over = ac.layout(*CLOCK), ac.sky(drive, "G", 8)
     rms = {}
     for name, aid, used in (
@@ -297,7 +297,7 @@ def test_velocity_is_better_with_carriers(drive):
         one = ac.filtered(drive, lay, [aid], 0, filter_layout=used)
         v = one.result.errors(one.truth.reference).velocity_n
         rms[name] = float(np.sqrt(np.mean(v[len(v) // 4 :] ** 2)))
-    assert rms["carriers"] < 0.6 * rms["codes"], rms
+    assert rms["carriers"] < rms["codes"] / 3.0, rms
 
 
 def test_layout_of_ambiguities():

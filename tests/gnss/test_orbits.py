@@ -99,10 +99,22 @@ def test_vis_viva_and_the_constant_angular_momentum():
     assert np.allclose(s.clock, -2.0 * np.sum(s.r_e * s.v_e, axis=1) / SPEED_OF_LIGHT**2, rtol=0.0, atol=1e-20)
 
 
+def test_rates_of_newer_messages():
+    """A circle whose radius grows by ``a_dot t``, on which the angle grows by ``(n + delta_n_dot t / 2) t``."""
+    GM, omega_e = CONSTANTS["G"]
+    a, a_dot, n_dot = 26_560e3, 5.0, 3e-12
+    t = np.linspace(-7200.0, 7200.0, 25)
+    s = kepler_states(record(a_dot=a_dot, delta_n_dot=n_dot), np.zeros(25, dtype=int), t)
+    angle = (np.sqrt(GM / a**3) - omega_e + 0.5 * n_dot * t) * t
+    expected = (a + a_dot * t)[:, None] * np.stack((np.cos(angle), np.sin(angle), 0.0 * t), axis=-1)
+    assert np.allclose(s.r_e, expected, rtol=0.0, atol=1e-6)  # rounding of 2.7e7 m
+
+
+@pytest.mark.parametrize("newer", [{}, {"a_dot": 8.0, "delta_n_dot": 9e-11}], ids=["", "newer"])
 @pytest.mark.parametrize("sat", ["G07", "E11", "C20", "C03", "C60", "J02"])
-def test_velocity_and_clock_rate_are_derivatives(sat):
+def test_velocity_and_clock_rate_are_derivatives(sat, newer):
     """Every term counts: the harmonics here are ten times nature's, C03 and C60 are in tilted axes."""
-    k = general(sat)
+    k = general(sat, **newer)
     epoch = k.toe[0]
     h = 0.5
     for t in (-3000.0, 0.0, 1234.5):

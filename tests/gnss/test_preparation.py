@@ -9,6 +9,7 @@ from sky import EPOCH, HOME, OMEGA, ephemerides, observe
 from schuler.exceptions import InputError
 from schuler.frames import C_en, ecef_from_llh, llh_from_ecef
 from schuler.gnss.coarse import geometric_ranges
+from schuler.gnss.ephemerides import NEWER_SOURCE
 from schuler.gnss.ionosphere import klobuchar
 from schuler.gnss.preparation import prepare_ranges
 from schuler.gnss.ranges import REASONS
@@ -291,6 +292,19 @@ def test_a_signal_chosen_among_several(sky):
     other = prepare_ranges(two, sky, systems="G", signals={"G": ("1X", "1C")}, **CLEAN)
     same = plain.sat < 100
     assert np.allclose(other.pseudorange[same] - plain.pseudorange[same], 7.0, atol=1e-6)
+
+
+def test_l5_has_the_delay_of_newer_messages(rng):
+    """Where both are broadcast, L5 takes CNAV's delay and is the surer for it; L1 stays with LNAV to the last bit."""
+    eph = ephemerides(rng, "G")
+    k = eph.kepler
+    own = np.stack((k.group_delay[:, 0], k.group_delay[:, 0] - 3e-9), axis=1)
+    newer = replace(eph, kepler=replace(k, source=np.full(len(k), NEWER_SOURCE), group_delay=own))
+    for band, shift in (("1C", 0.0), ("5Q", 3e-9)):
+        o = observe(eph, np.arange(3.0), lambda _: HOME, lambda t: 1e-4, bands=(band,))
+        old, new = (prepare_ranges(o, e, systems="G") for e in (eph, eph.merged_with(newer)))
+        assert np.allclose(new.pseudorange - old.pseudorange, SPEED_OF_LIGHT * shift, rtol=0.0, atol=1e-6)  # rounding
+        assert (new.sigma_range[new.used] < old.sigma_range[old.used]).all() == (band == "5Q")
 
 
 def test_a_causal_preparation_has_no_message_from_the_future(sky, plain):

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import InputError
-from schuler.gnss.ephemerides import Ephemerides, GlonassRecords, KeplerRecords, no_glonass, no_kepler
+from schuler.gnss.ephemerides import NEWER_SOURCE, Ephemerides, GlonassRecords, KeplerRecords, no_glonass, no_kepler
 from schuler.gnss.satellites import (
     MAX_AGE_S,
     choose_messages,
     group_delays,
     is_f_nav,
+    is_newer,
     satellite_states,
     transmission_times,
 )
@@ -120,6 +121,18 @@ def test_galileo_messages_by_their_kind():
     assert chosen(e, "E08", [100.0], f_nav=True) == [5]
 
 
+@pytest.mark.parametrize("sat", ["G05", "J02", "C21"])
+def test_newer_messages_where_asked_for_or_alone(sat):
+    """The nearest of the older kind, unless the newer is asked for; the other kind rather than none."""
+    e = kepler(
+        {"sat": sat, "toe": 0.0}, {"sat": sat, "toe": 600.0, "source": NEWER_SOURCE}, {"sat": sat, "toe": 1200.0},
+        {"sat": sat, "toe": 9000.0, "source": NEWER_SOURCE},
+    )  # fmt: skip
+    assert is_newer(e.kepler).tolist() == [False, True, False, True]
+    assert chosen(e, sat, [500.0, 700.0, 9500.0]) == [0, 2, 3]
+    assert chosen(e, sat, [500.0, 700.0, 9500.0], f_nav=True) == [1, 1, 3]
+
+
 def test_clock_polynomial_and_its_rate():
     e = kepler({"sat": "G05", "toe": 0.0, "toc": 100.0, "af0": 1e-4, "af1": 2e-11, "af2": 3e-18, "e": 0.0})
     t = np.array([-3000.0, 100.0, 4000.0])
@@ -198,6 +211,16 @@ def test_galileo_delays_cancel_in_the_pair_of_the_message():
 
 def test_beidou_delays():
     delay, is_stated = delays({"sat": "C20", "group_delay": (3e-9, -2e-9)}, 2, 7, 6, 1, 5)
+    assert delay.tolist() == [3e-9, -2e-9, 0.0, 3e-9, 0.0]
+    assert is_stated.tolist() == [True, True, True, False, False]
+
+
+def test_delays_of_newer_messages():
+    """L5 by its ISC; B1C and B2a, but no B1I."""
+    delay, is_stated = delays({"group_delay": (5e-9, 2e-9), "source": NEWER_SOURCE}, 1, 2, 5)
+    assert delay[[0, 2]].tolist() == [5e-9, 2e-9]
+    assert is_stated.tolist() == [True, True, True]
+    delay, is_stated = delays({"sat": "C20", "group_delay": (3e-9, -2e-9), "source": NEWER_SOURCE}, 1, 5, 6, 2, 7)
     assert delay.tolist() == [3e-9, -2e-9, 0.0, 3e-9, 0.0]
     assert is_stated.tolist() == [True, True, True, False, False]
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import FileFormatError
+from schuler.gnss.ephemerides import NEWER_SOURCE
 from schuler.gnss.signals import satellite, satellite_name
 from schuler.recording.formats.rinex_navigation import glonass_channels, read_rinex_navigation
 from schuler.timebase import LeapSecondWarning, gps_from_calendar, leap_seconds
@@ -177,11 +178,58 @@ def test_version_3_of_all_systems(read):
     assert nav.notes == ("Messages that are not used: 1 NavIC, 1 SBAS.",)
 
 
+def newer(beidou=False, tall=False, **changes):
+    """Numbers of a message of modernised signals: rates, accuracies and delays in places of their own."""
+    old = dict(zip(KEPLER, orbit(), strict=True)) | {"toe": 36_000.0 if beidou else 30_600.0} | changes
+    first = [old[name] for name in KEPLER[:3]] + [changes.get("a_dot", -3.7e-3)] + [old[name] for name in KEPLER[4:20]]
+    n_dot, health = changes.get("delta_n_dot", 7e-14), changes.get("health", 0.0)
+    if beidou:  # type of satellite, top; SISAI; ISC, spare, TGD of B1C and B2a; SISMAI, health, flags, IODC; sent, IODE
+        rest = [1.0, 2.0, 3.0, 4.0, 1e-9, None, 3e-9, -2e-9, 5.0, health, 0.0, 57.0, 34_818.0, None, None, 57.0]
+        return [*first, n_dot, 3.0, 30_600.0, *rest]
+    rest = [*first, n_dot, -2.0, 1.0, changes.get("ura", 2.0), health, 5e-9, 3.0, 1e-10, 2e-10, 3e-10, 4e-10]
+    return [*rest, *([6e-10, 7e-10, None, None] if tall else []), 34_818.0, 2244.0]
+
+
+def test_messages_of_modernised_signals(read):
+    """CNAV, CNAV-2, B-CNAV1 and 2: elements, rates, delays of L5, B1C and B2a, accuracy by its index."""
+    blocks = [
+        ("G01 CNAV", newer()), ("G03 CNV2", newer(tall=True)), ("J02 CNAV", newer(ura=15.0)),
+        ("C21 CNV1", newer(beidou=True)), ("C21 CNV2", newer(beidou=True, health=1.0)), ("G04 LNAV", orbit()),
+        ("C21 CNV3", newer(beidou=True)[:35]),
+    ]  # fmt: skip
+    nav = read(HEAD_4 + "".join(f"> EPH {name}\n{message(name[:3], DATE_3, body)}" for name, body in blocks))
+    k = nav.kepler
+    assert [satellite_name(s) for s in k.sat] == ["G04", "G01", "G03", "C21", "C21", "J02"]
+    assert (k.source == NEWER_SOURCE).tolist() == [False, True, True, True, True, True]
+    expected = dict(zip(KEPLER, orbit(), strict=True))
+    for name in KEPLER[:3] + KEPLER[4:11] + KEPLER[12:20]:
+        assert (getattr(k, name) == float(number(expected[name]).replace("D", "E"))).all(), name
+    np.testing.assert_array_equal(k.a_dot, [0.0, *[-3.7e-3] * 5])
+    np.testing.assert_array_equal(k.delta_n_dot, [0.0, *[7e-14] * 5])
+    np.testing.assert_array_equal(k.toe, TEN + np.array([0.0, 0.0, 0.0, 14.0, 14.0, 0.0]))
+    np.testing.assert_array_equal(k.toc, k.toe)
+    np.testing.assert_array_equal(k.sent, SUNDAY + 34_818.0 + np.array([0.0, 0.0, 0.0, 14.0, 14.0, 0.0]))
+    np.testing.assert_allclose(k.group_delay[1:3], [[5e-9, 4.6e-9]] * 2, rtol=1e-12)
+    np.testing.assert_array_equal(k.group_delay[3:5], [[3e-9, -2e-9]] * 2)
+    np.testing.assert_allclose(k.accuracy[1:3], np.hypot(4.0, 1.0), rtol=1e-12)  # of the indices 2 and -2
+    assert np.isnan(k.accuracy[3:]).all()
+    assert k.health.tolist() == [0, 0, 0, 0, 1, 0]
+    assert nav.notes == ("Messages that are not used: 1 BeiDou CNV3.",)
+
+
+def test_a_newer_message_that_is_cut_off_or_lacks_an_element(read):
+    body = message("G01", DATE_3, newer()) + "> EPH G03 CNAV\n" + message("G03", DATE_3, newer(a_dot=None))
+    nav = read(HEAD_4 + "> EPH G01 CNAV\n" + body + "> EPH G05 CNAV\n" + message("G05", DATE_3, newer())[:500])
+    assert [satellite_name(s) for s in nav.kepler.sat] == ["G01"]
+    assert any("1 messages of GPS lack elements" in note for note in nav.notes)
+    assert any("ends within the message" in note for note in nav.notes)
+
+
 def test_version_4(read):
     later = " 2023 01 08 11 00 00"
     blocks = [
         ("EPH G01 LNAV", message("G01", DATE_3, orbit(), exponent="e")),
-        ("EPH G01 CNAV", message("G01", DATE_3, [*orbit(), 0.0, 0.0, 1e-9, 2e-9])),
+        ("EPH G01 CNAV", message("G01", DATE_3, [*orbit(), 0.0, 0.0])),  # a line too few
         ("EPH E11 INAV", message("E11", DATE_3, orbit(source=517.0))),
         ("EPH E11 FNAV", message("E11", DATE_3, orbit(source=258.0))),
         ("EPH C21 D1", message("C21", DATE_3, orbit())),

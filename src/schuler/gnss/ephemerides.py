@@ -14,6 +14,9 @@ from schuler.gnss.code_biases import CodeBiases
 from schuler.gnss.ionosphere_maps import IonosphereMaps
 from schuler.gnss.precise import PreciseClocks, PreciseOrbits
 
+#: In ``KeplerRecords.source``: a message of the modernised signals.
+NEWER_SOURCE = 0x1000
+
 
 @dataclass(frozen=True)
 class KeplerRecords:
@@ -35,7 +38,8 @@ class KeplerRecords:
     cuc, cus, crc, crs, cic, cis : ndarray, shape (n,)
         Harmonic corrections of latitude argument [rad], radius [m] and inclination [rad].
     group_delay : ndarray, shape (n, 2)
-        GPS, QZSS: TGD and NaN; Galileo: BGD E5a/E1 and BGD E5b/E1; BeiDou: TGD1 (B1/B3) and TGD2 (B2/B3). [s]
+        GPS, QZSS: TGD and NaN, of newer messages TGD and the delay of L5 (TGD less its ISC); Galileo: BGD E5a/E1 and
+        BGD E5b/E1; BeiDou: TGD1 (B1/B3) and TGD2 (B2/B3), of newer messages those of B1C's and B2a's pilots. [s]
     health : ndarray of int, shape (n,)
         0 is usable; anything else as broadcast.
     accuracy : ndarray, shape (n,)
@@ -44,7 +48,10 @@ class KeplerRecords:
         IODE, IODnav, AODE.
     source : ndarray of int, shape (n,)
         Galileo's data source word (bit 0: I/NAV E1-B, bit 1: F/NAV E5a, bit 2: I/NAV E5b; bit 8: clock for E5a/E1,
-        bit 9: clock for E5b/E1), 0 for the others.
+        bit 9: clock for E5b/E1), 0 for the others, but :data:`NEWER_SOURCE` of GPS's and QZSS's CNAV and CNAV-2 and of
+        BeiDou's B-CNAV1 and B-CNAV2.
+    a_dot, delta_n_dot : ndarray, shape (n,), optional
+        Rates of the semi-major axis [m/s] and of the mean motion difference [rad/s^2], which newer messages have; 0.
     """
 
     sat: IntArray
@@ -74,8 +81,13 @@ class KeplerRecords:
     accuracy: FloatArray
     issue: IntArray
     source: IntArray
+    a_dot: FloatArray = field(default_factory=lambda: np.zeros(0))
+    delta_n_dot: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
+        for name in ("a_dot", "delta_n_dot"):
+            if len(self.sat) and not len(getattr(self, name)):
+                object.__setattr__(self, name, np.zeros(len(self.sat)))
         _checked(self)
 
     def __len__(self) -> int:
@@ -212,7 +224,7 @@ _LIMITS = {
     "sqrt_a": (2.5e3, 1e4), "e": (0.0, 0.9), "i0": (0.0, 10.0), "omega0": (0.0, 10.0), "omega": (0.0, 10.0),
     "m0": (0.0, 10.0), "delta_n": (0.0, 1e-6), "idot": (0.0, 1e-6), "omega_dot": (0.0, 1e-4), "cuc": (0.0, 1e-2),
     "cus": (0.0, 1e-2), "cic": (0.0, 1e-2), "cis": (0.0, 1e-2), "crc": (0.0, 1e5), "crs": (0.0, 1e5),
-    "accuracy": (0.0, 1e6), "clock": (0.0, 1.0), "rate": (0.0, 1e-5),
+    "accuracy": (0.0, 1e6), "a_dot": (0.0, 100.0), "delta_n_dot": (0.0, 1e-9), "clock": (0.0, 1.0), "rate": (0.0, 1e-5),
 }  # fmt: skip
 _MOST_COUNT = 2.0**62  # that a whole number may be
 _STATES = {"r_e": (6e6, 1e8), "v_e": (0.0, 1e4), "a_e": (0.0, 1e-2)}  # lengths of the vectors

@@ -91,10 +91,11 @@ def accuracy_of_index(index: float) -> float:
 
 
 def kepler_records(rows: Sequence[Mapping[str, Any]]) -> KeplerRecords:
-    """Records of rows that hold every field by its name."""
+    """Records of rows that hold every field by its name, but those that only newer messages have."""
     if not rows:
         return no_kepler()
-    return KeplerRecords(**{f.name: np.array([row[f.name] for row in rows]) for f in fields(KeplerRecords)})
+    stated = [f.name for f in fields(KeplerRecords) if f.name in rows[0]]
+    return KeplerRecords(**{name: np.array([row[name] for row in rows]) for name in stated})
 
 
 def ionosphere_of(

@@ -130,8 +130,8 @@ def kepler_states(records: KeplerRecords, row: IntArray, t: ArrayLike, *, epoch_
 
     References
     ----------
-    IS-GPS-200, table 20-IV; Galileo OS SIS ICD, table 58; BeiDou B1I ICD, table 5-11 (GEO: 5.2.4.12). Remondi, B. W.
-    (2004), GPS Solutions 8, 181-183.
+    IS-GPS-200, tables 20-IV and 30-II; Galileo OS SIS ICD, table 58; BeiDou B1I ICD, table 5-11 (GEO: 5.2.4.12).
+    Remondi, B. W. (2004), GPS Solutions 8, 181-183.
     """
     k, row = records, np.asarray(row, dtype=np.int64)
     t = np.asarray(t, dtype=np.float64)
@@ -145,8 +145,10 @@ def kepler_states(records: KeplerRecords, row: IntArray, t: ArrayLike, *, epoch_
     toe_week = (k.toe[row] - behind) % WEEK_S
 
     e, sqrt_a = k.e[row], k.sqrt_a[row]
-    a, n = sqrt_a**2, np.sqrt(GM) / sqrt_a**3 + k.delta_n[row]
-    E = eccentric_anomaly(k.m0[row] + n * tk, e)
+    a_dot, n_dot = k.a_dot[row], k.delta_n_dot[row]  # zero but of newer messages
+    a, n = sqrt_a**2 + a_dot * tk, np.sqrt(GM) / sqrt_a**3 + k.delta_n[row]
+    E = eccentric_anomaly(k.m0[row] + (n + 0.5 * n_dot * tk) * tk, e)
+    n = n + n_dot * tk
     sin_E, cos_E = np.sin(E), np.cos(E)
     root, slow = np.sqrt(1.0 - e * e), 1.0 - e * cos_E
     E_dot = n / slow
@@ -159,7 +161,7 @@ def kepler_states(records: KeplerRecords, row: IntArray, t: ArrayLike, *, epoch_
     u = phi + cus * s2 + cuc * c2
     u_dot = phi_dot * (1.0 + 2.0 * (cus * c2 - cuc * s2))
     r = a * slow + crs * s2 + crc * c2
-    r_dot = a * e * sin_E * E_dot + 2.0 * phi_dot * (crs * c2 - crc * s2)
+    r_dot = a_dot * slow + a * e * sin_E * E_dot + 2.0 * phi_dot * (crs * c2 - crc * s2)
     i = k.i0[row] + idot * tk + cis * s2 + cic * c2
     i_dot = idot + 2.0 * phi_dot * (cis * c2 - cic * s2)
 

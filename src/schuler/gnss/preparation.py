@@ -192,10 +192,11 @@ def _sent(
     max_age_s: Mapping[str, float] | None,
 ) -> _Sent:  # fmt: skip
     """Choose each row's message and place its satellite at the time of transmission."""
+    beidou = c.sat // 100 == SYSTEMS.index("C")
+    modern = (c.bands == 5).any(axis=1) | (beidou & (c.bands == 1).any(axis=1))
     record = choose_messages(
-        ephemerides, c.sat, c.t - _FLIGHT_S, epoch_gps_s=epoch_gps_s, f_nav=(c.bands == 5).any(axis=1), causal=causal,
-        max_age_s=max_age_s,
-    )  # fmt: skip
+        ephemerides, c.sat, c.t - _FLIGHT_S, epoch_gps_s=epoch_gps_s, f_nav=modern, causal=causal, max_age_s=max_age_s
+    )
     flight, measured, plausible = _flight_ranges(c.pseudorange, epoch, int(epoch.max(initial=-1)) + 1)
     t_sent = transmission_times(ephemerides, c.sat, c.t, flight, record, epoch_gps_s=epoch_gps_s)
     states = states_of_messages(ephemerides, c.sat, t_sent, record, epoch_gps_s=epoch_gps_s)

@@ -11,7 +11,7 @@ import numpy as np
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.gnss.antennas import satellite_offsets
-from schuler.gnss.ephemerides import Ephemerides, KeplerRecords
+from schuler.gnss.ephemerides import NEWER_SOURCE, Ephemerides, KeplerRecords
 from schuler.gnss.orbits import glonass_states, kepler_states
 from schuler.gnss.precise import PreciseOrbits, precise_clocks, precise_positions, relativistic_clock
 from schuler.gnss.signals import BANDS, SPEED_OF_LIGHT, SYSTEMS
@@ -44,6 +44,8 @@ class SatelliteStates:
         Group delay of the message, see :class:`schuler.gnss.ephemerides.KeplerRecords`; NaN for GLONASS. [s]
     f_nav : ndarray of bool, shape (n,)
         Galileo: the clock is that of E5a/E1 (F/NAV), else of E5b/E1 (I/NAV).
+    newer : ndarray of bool, shape (n,)
+        The message is one of the modernised signals: CNAV, CNAV-2, B-CNAV1, B-CNAV2.
     accuracy : ndarray, shape (n,)
         As broadcast; NaN where unknown. [m]
     healthy : ndarray of bool, shape (n,)
@@ -61,6 +63,7 @@ class SatelliteStates:
     clock_rate: FloatArray
     group_delay: FloatArray
     f_nav: BoolArray
+    newer: BoolArray
     accuracy: FloatArray
     healthy: BoolArray
     has_message: BoolArray
@@ -78,6 +81,11 @@ def is_f_nav(records: KeplerRecords) -> BoolArray:
     clock_a, clock_b = (source & 0x100) > 0, (source & 0x200) > 0
     only_f = ((source & 0b010) > 0) & ((source & 0b101) == 0)
     return np.asarray((records.sat // 100 == _E) & np.where(clock_a != clock_b, clock_a, only_f))
+
+
+def is_newer(records: KeplerRecords) -> BoolArray:
+    """Whether a message is one of the modernised signals (CNAV, CNAV-2, B-CNAV1, B-CNAV2). Shape (n,)."""
+    return np.asarray((records.source & NEWER_SOURCE) > 0)
 
 
 def choose_messages(
@@ -101,8 +109,8 @@ def choose_messages(
     epoch_gps_s : float
         GPS time of ``t = 0``. [s]
     f_nav : array_like of bool, shape () or (n,)
-        For Galileo: prefer F/NAV (E5a/E1 clock) to I/NAV (E5b/E1). Where the preferred kind is not there, the other is
-        taken.
+        For Galileo: prefer F/NAV (E5a/E1 clock) to I/NAV (E5b/E1). For GPS, QZSS and BeiDou: prefer messages of the
+        modernised signals. Where the preferred kind is not there, the other is taken.
     causal : bool
         Do not use messages before they were sent. If a file does not say when, the beginning of the usual interval is
         assumed: GPS 2 h, QZSS and NavIC 1 h before the reference time, the others at the reference time.
@@ -125,7 +133,7 @@ def choose_messages(
         raise InputError(f"expected satellites and times of one shape (n,), got {sat.shape} and {t.shape}")
     limits = {**MAX_AGE_S, **(max_age_s or {})}
     prefer_f_nav = np.broadcast_to(np.asarray(f_nav, dtype=bool), sat.shape)
-    f_nav_record = is_f_nav(ephemerides.kepler)
+    kind_of_record = is_f_nav(ephemerides.kepler) | is_newer(ephemerides.kepler)
     chosen = np.full(sat.shape, -1, dtype=np.int64)
     for one in np.unique(sat):
         letter = SYSTEMS[one // 100]
@@ -135,8 +143,8 @@ def choose_messages(
         sent = records.sent[rows]
         sent = np.where(np.isnan(sent), records.toe[rows] - _SENT_BEFORE_TOE_S.get(letter, 0.0), sent)
         kinds = [(rows >= 0, at)]
-        if letter == "E":
-            f = f_nav_record[rows]
+        if letter in "GEJC":
+            f = kind_of_record[rows]
             kinds = [(f == kind, at[prefer_f_nav[at] == kind]) for kind in (False, True)]
             kinds += [(f != kind, at[prefer_f_nav[at] == kind]) for kind in (False, True)]  # the other kind, if need be
         for mine, places in kinds:
@@ -192,7 +200,7 @@ def states_of_messages(
     r_e, v_e = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     clock, clock_rate, age, accuracy = (np.full(n, np.nan) for _ in range(4))
     group_delay = np.full((n, 2), np.nan)
-    healthy, f = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+    healthy, f, newer = (np.zeros(n, dtype=bool) for _ in range(3))
 
     m = np.flatnonzero(has_message & ~glonass)
     k, row = ephemerides.kepler, record[m]
@@ -201,14 +209,16 @@ def states_of_messages(
     polynomial, rate = _kepler_clock(k, row, t[m], epoch_gps_s)
     clock[m], clock_rate[m] = polynomial + orbit.clock, rate + orbit.clock_rate
     group_delay[m], accuracy[m], healthy[m] = k.group_delay[row], k.accuracy[row], k.health[row] == 0
-    age[m], f[m] = t[m] - (k.toe[row] - epoch_gps_s), is_f_nav(k)[row]
+    age[m], f[m], newer[m] = t[m] - (k.toe[row] - epoch_gps_s), is_f_nav(k)[row], is_newer(k)[row]
 
     m = np.flatnonzero(has_message & glonass)
     g, row = ephemerides.glonass, record[m]
     r_e[m], v_e[m] = glonass_states(g, row, t[m], epoch_gps_s=epoch_gps_s)
     age[m] = t[m] - (g.toe[row] - epoch_gps_s)
     clock[m], clock_rate[m], healthy[m] = g.clock[row] + g.rate[row] * age[m], g.rate[row], g.health[row] == 0
-    states = SatelliteStates(r_e, v_e, clock, clock_rate, group_delay, f, accuracy, healthy, has_message, age, record)
+    states = SatelliteStates(
+        r_e, v_e, clock, clock_rate, group_delay, f, newer, accuracy, healthy, has_message, age, record
+    )
     if ephemerides.precise_orbits is None:
         return states
     return _with_precise(states, ephemerides, ephemerides.precise_orbits, sat, t, epoch_gps_s)
@@ -235,7 +245,7 @@ def _with_precise(
     there = np.isfinite(r_e[:, 0]) & np.isfinite(clock)
     beidou = sat // 100 == _C
     delay = states.group_delay[:, 0] / (1.0 - _gamma("C", 6, 2))
-    clock = clock + periodic + np.where(beidou & np.isfinite(delay), delay, 0.0)
+    clock = clock + periodic + np.where(beidou & ~states.newer & np.isfinite(delay), delay, 0.0)
     column = np.clip(np.searchsorted(orbits.sat, sat), 0, len(orbits.sat) - 1)
     own = orbits.sat[column] == sat
     return replace(
@@ -334,11 +344,13 @@ def group_delays(states: SatelliteStates, sat: IntArray, bands: IntArray) -> tup
     -----
     The table is in docs/gnss-models.md. With ``gamma = (f_1/f_2)^2``: GPS and QZSS L1 TGD, L2 gamma TGD (clock of the
     L1/L2 combination). Galileo E1 BGD, E5 gamma BGD of the message's own pair; the second pair of an I/NAV message is
-    reached through E1. BeiDou's clock is that of B3I: B1I TGD1, B2I TGD2, B3I none. GLONASS: none broadcast here.
+    reached through E1. BeiDou's clock is that of B3I: B1I TGD1, B2I TGD2, B3I none. Newer messages broadcast L5 (GPS,
+    QZSS), B1C and B2a (BeiDou, whose B1I they do not have). GLONASS: none broadcast here.
 
     References
     ----------
-    IS-GPS-200, 20.3.3.3.3.2; Galileo OS SIS ICD, 5.1.5; BeiDou B1I ICD, 5.2.4.9; NavIC SIS ICD, 6.2.1.6.
+    IS-GPS-200, 20.3.3.3.3.2 and 30.3.3.3.1.1; IS-GPS-705, 20.3.3.3.1.2; Galileo OS SIS ICD, 5.1.5; BeiDou B1I ICD,
+    5.2.4.9, B1C ICD, 7.6; NavIC SIS ICD, 6.2.1.6.
     """
     delay, available = np.zeros(len(sat)), np.zeros(len(sat), dtype=bool)
     system = sat // 100
@@ -354,6 +366,7 @@ def group_delays(states: SatelliteStates, sat: IntArray, bands: IntArray) -> tup
         put(letter, 1, first)
         put(letter, 2, _gamma(letter, 1, 2) * first)
         put(letter, 5, first, broadcast=False)  # ISC of L5 is not in the message of 1980
+        put(letter, 5, np.where(states.newer, second, np.nan))  # but in newer ones
     put("I", 9, first)
     put("I", 5, _gamma("I", 9, 5) * first)
     f = states.f_nav
@@ -364,12 +377,13 @@ def group_delays(states: SatelliteStates, sat: IntArray, bands: IntArray) -> tup
     put("E", 7, own - second + _gamma("E", 1, 7) * second, has_b)
     put("E", 8, own - 0.5 * (first + second) + _gamma("E", 1, 8) * 0.5 * (first + second), has_b)
     put("E", 6, own, broadcast=False)
-    put("C", 2, first)
-    put("C", 7, second)
-    put("C", 6, np.zeros(len(sat)))
-    put("C", 1, first, broadcast=False)
-    put("C", 5, np.zeros(len(sat)), broadcast=False)
-    put("C", 8, np.zeros(len(sat)), broadcast=False)
+    newer, none = states.newer, np.zeros(len(sat))
+    put("C", 2, first, ~newer)
+    put("C", 7, np.where(newer, np.nan, second))
+    put("C", 6, none)
+    put("C", 1, first, newer)
+    put("C", 5, np.where(newer & np.isfinite(second), second, 0.0), newer & np.isfinite(second))
+    put("C", 8, none, broadcast=False)
     return delay, available
 
 

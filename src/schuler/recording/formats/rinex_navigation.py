@@ -16,7 +16,14 @@ import numpy as np
 
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError
-from schuler.gnss.ephemerides import Ephemerides, GlonassRecords, KeplerRecords, no_glonass, no_kepler
+from schuler.gnss.ephemerides import (
+    NEWER_SOURCE,
+    Ephemerides,
+    GlonassRecords,
+    KeplerRecords,
+    no_glonass,
+    no_kepler,
+)
 from schuler.gnss.signals import SYSTEM_NAMES
 from schuler.recording.formats.rinex_columns import BDT_TO_GPS_S, leap_seconds_at
 from schuler.recording.formats.rinex_header import KINDS, RinexFile, broadcast_leap_seconds, numbers_in, read_lines
@@ -38,6 +45,9 @@ _PLACES = {
     "cic": 12, "omega0": 13, "cis": 14, "i0": 15, "crc": 16, "omega": 17, "omega_dot": 18, "idot": 19,
 }  # fmt: skip
 _ISSUE, _TOE, _SOURCE, _ACCURACY, _HEALTH, _DELAY, _SENT = 3, 11, 20, 23, 24, 25, 27
+# of messages of modernised signals, those of BeiDou with a B
+_A_DOT, _N_DOT, _URA_NED, _URA_ED, _ISC_L5, _SENT_NEWER = 3, 20, 21, 23, 30, (31, 35)
+_DELAYS_B, _HEALTH_B, _ISSUE_B = 29, 32, 38
 _CHANNELS = (-7, 13)
 T = TypeVar("T", KeplerRecords, GlonassRecords)
 
@@ -62,8 +72,8 @@ def read_rinex_navigation(path: Path | str) -> Ephemerides:
         blank element are left out, as are repeated ones: same satellite, times, issue, source and health, of which the
         first counts. All zero coefficients of an ionosphere are none. Notes say all of this.
 
-        Of version 4, messages LNAV, INAV, FNAV, D1, D2 and FDMA are read; CNAV and its like, SBAS, NavIC, time offsets
-        and Earth orientation are counted in the notes.
+        Of version 4, messages LNAV, CNAV, CNV2 (GPS, QZSS), INAV, FNAV, D1, D2, CNV1, CNV2 (BeiDou) and FDMA are read;
+        BeiDou's CNV3, SBAS, NavIC, time offsets and Earth orientation are counted in the notes.
 
     Raises
     ------
@@ -80,6 +90,9 @@ def read_rinex_navigation(path: Path | str) -> Ephemerides:
     orbits = Ephemerides(no_kepler(), glonass_records(file, records.of("R")))
     for system in "GECJ":
         orbits = orbits.merged_with(Ephemerides(kepler_records(file, records.of(system), system), no_glonass()))
+        for name in ("CNAV", "CNV1", "CNV2"):
+            newer = newer_records(file, records.of(system, name), system, name)
+            orbits = orbits.merged_with(Ephemerides(newer, no_glonass()))
     ionosphere = _ionosphere(file, records.ionosphere)
     alpha, beta, galileo, c_alpha, c_beta = (ionosphere.get(name) for name, _ in _COEFFICIENTS.values())
     return Ephemerides(
@@ -187,6 +200,62 @@ def kepler_records(file: RinexFile, records: Records, system: str) -> KeplerReco
         file.notes.append(f"{unstated} messages of {SYSTEM_NAMES[system]} state no health and were taken as usable.")
     key = np.column_stack((orbits.sat, orbits.toe, orbits.toc, orbits.issue, orbits.source, orbits.health))
     return _once(file, orbits, key, system)
+
+
+def newer_records(file: RinexFile, records: Records, system: str, name: str) -> KeplerRecords:
+    """Orbits of the modernised signals: GPS's and QZSS's CNAV, CNV2 (CNAV-2), BeiDou's CNV1, CNV2 (B-CNAV1, 2).
+
+    Notes
+    -----
+    GPS and QZSS state no reference time of the orbit, which is that of the clock. Their accuracy is that of both parts
+    of the orbit (URA, nominal values) together; BeiDou's indices are passed over. Health bits of any of a satellite's
+    signals make it unusable.
+
+    References
+    ----------
+    RINEX 4.01, appendix on CNAV and B-CNAV; IS-GPS-200, 30.3.3.1.1.4 and 30.3.3.2.4 (nominal URA).
+    """
+    if not len(records.line):
+        return no_kepler()
+    beidou, tall = system == "C", name != "CNAV"
+    values, toc = fields(file, records, 10 if tall else 9), dates(file, records).astype(np.float64)
+    offset = BDT_TO_GPS_S if beidou else 0.0
+    sent = _near(_known(values[:, _SENT_NEWER[tall]]), toc, WEEK_S)
+    toe = _near(values[:, _TOE], toc, WEEK_S) if beidou else toc
+    health, issue = values[:, _HEALTH_B if beidou else _HEALTH], np.full(len(toc), -1.0)
+    if beidou:
+        issue = values[:, _ISSUE_B]
+        delay, accuracy = values[:, _DELAYS_B : _DELAYS_B + 2].copy(), np.full(len(toc), np.nan)
+    else:
+        tgd = values[:, _DELAY]
+        delay = np.column_stack((tgd, tgd - values[:, _ISC_L5]))
+        accuracy = np.hypot(_nominal_ura(values[:, _URA_ED]), _nominal_ura(values[:, _URA_NED]))
+    orbits = KeplerRecords(
+        sat=records.sat,
+        toe=toe + offset,
+        toc=toc + offset,
+        sent=sent + offset,
+        **{element: values[:, k] for element, k in _PLACES.items()},
+        group_delay=delay,
+        health=_whole(health),
+        accuracy=accuracy,
+        issue=_whole(issue, -1),
+        source=np.full(len(toc), NEWER_SOURCE),
+        a_dot=values[:, _A_DOT],
+        delta_n_dot=values[:, _N_DOT],
+    )
+    complete = np.isfinite(np.column_stack((values[:, [*_PLACES.values(), _A_DOT, _N_DOT]], toe))).all(axis=1)
+    complete &= (orbits.sqrt_a > 0.0) & (orbits.e >= 0.0) & (orbits.e < 1.0)
+    orbits = _complete(file, orbits, complete, system)
+    key = np.column_stack((orbits.sat, orbits.toe, orbits.toc, orbits.sent, orbits.issue, orbits.health))
+    return _once(file, orbits, key, system)
+
+
+def _nominal_ura(index: FloatArray) -> FloatArray:
+    """1-sigma of an index of URA of CNAV, NaN where there is no prediction (15, -16). Shape (n,). [m]"""
+    with np.errstate(over="ignore"):
+        metres = np.where(index <= 6.0, 2.0 ** (1.0 + index / 2.0), 2.0 ** (index - 2.0))
+    return np.where((index > -16.0) & (index < 15.0), metres, np.nan)
 
 
 def glonass_records(file: RinexFile, records: Records) -> GlonassRecords:

@@ -18,6 +18,8 @@ _DATE_3 = ((4, 4), (9, 2), (12, 2), (15, 2), (18, 2), (21, 2))
 _DATE_2 = ((3, 2), (6, 2), (9, 2), (12, 2), (15, 2), (17, 5))
 #: Messages of version 4 that are laid out as the only ones of version 3 are, by system.
 _KNOWN = {"G": ("LNAV",), "J": ("LNAV",), "E": ("INAV", "FNAV"), "C": ("D1", "D2", "D1D2"), "R": ("FDMA",)}
+#: Messages of the modernised signals, and their lines.
+_NEWER = {"G": {"CNAV": 9, "CNV2": 10}, "J": {"CNAV": 9, "CNV2": 10}, "C": {"CNV1": 10, "CNV2": 10}}
 _HEIGHTS = {"R": (4, 5)}  # the fifth line came with version 3.05
 _KEPLER_HEIGHT = (8, 8)
 
@@ -35,17 +37,21 @@ class Records:
     sat : ndarray of int, shape (n,)
     ionosphere : list of tuple of str and int
         System and message, and first line, of each ionospheric message of version 4.
+    newer : tuple of str, length n
+        Name of the message where it is one of the modernised signals, else empty.
     """
 
     line: IntArray
     height: IntArray
     sat: IntArray
     ionosphere: list[tuple[str, int]]
+    newer: tuple[str, ...]
 
-    def of(self, system: str) -> Records:
-        """Those of one system."""
-        k = np.flatnonzero(self.sat // 100 == SYSTEMS.index(system))
-        return Records(self.line[k], self.height[k], self.sat[k], [])
+    def of(self, system: str, newer: str = "") -> Records:
+        """Those of one system; the modernised ones of a name apart."""
+        mine = np.array([name == newer for name in self.newer], dtype=bool)
+        k = np.flatnonzero((self.sat // 100 == SYSTEMS.index(system)) & mine)
+        return Records(self.line[k], self.height[k], self.sat[k], [], (newer,) * len(k))
 
 
 def records_of(file: RinexFile) -> Records:
@@ -80,16 +86,23 @@ def records_of(file: RinexFile) -> Records:
     if not len(line) and not ionosphere:
         raise file.fault("there is no complete message after the header")
     letters = [SYSTEMS[s // 100] for s in sat.tolist()]
-    used = np.array([x in _KNOWN and m in ("", *_KNOWN[x]) for x, m in zip(letters, messages, strict=True)], dtype=bool)
+    newer = [
+        m if _NEWER.get(x, {}).get(m) == h else "" for x, m, h in zip(letters, messages, height.tolist(), strict=True)
+    ]
+    used = np.array(
+        [bool(n) or (x in _KNOWN and m in ("", *_KNOWN[x])) for x, m, n in zip(letters, messages, newer, strict=True)],
+        dtype=bool,
+    )
     passed = [f"{SYSTEM_NAMES[x]} {m}".strip() for x, m, u in zip(letters, messages, used, strict=True) if not u]
     if passed:
         counts = ", ".join(f"{passed.count(name)} {name}" for name in sorted(set(passed)))
         file.notes.append(f"Messages that are not used: {counts}.")
     for k in np.flatnonzero(used).tolist():
         low, high = _HEIGHTS.get(letters[k], _KEPLER_HEIGHT)
-        if not low <= height[k] <= high:
+        if not newer[k] and not low <= height[k] <= high:
             raise file.fault(f"expected a message of {high} lines, got {height[k]}", int(line[k]))
-    return Records(line[used], height[used], sat[used], ionosphere)
+    names_used = tuple(n for n, u in zip(newer, used, strict=True) if u)
+    return Records(line[used], height[used], sat[used], ionosphere, names_used)
 
 
 def dates(file: RinexFile, records: Records) -> IntArray:
@@ -185,7 +198,8 @@ def _is_cut(file: RinexFile, line: int, height: int, system: str, message: str) 
     needed = _HEIGHTS.get(system, _KEPLER_HEIGHT)[0]
     if system == "S":
         needed = 4
-    if message in ("", *_KNOWN.get(system, ())) and height < needed:
+    needed = _NEWER.get(system, {}).get(message, needed)
+    if message in ("", *_KNOWN.get(system, ()), *_NEWER.get(system, ())) and height < needed:
         return True
     margin = 3 if file.version < 3.0 else 4
     return file.cut and line + height == len(file) and (len(file.text(len(file) - 1)) - margin) % _WIDTH != 0

@@ -23,7 +23,7 @@ Columns = dict[str, np.ndarray[Any, np.dtype[Any]]]
 #: Columns of whole numbers.
 INTEGERS = frozenset({"sat", "signal", "group", "reason", "arc", "lock", "health", "issue", "source", "channel"})
 #: Columns that files of earlier versions do not have.
-LATER = frozenset({"lock", "carrier_range", "arc", "wavelength"})
+LATER = frozenset({"lock", "carrier_range", "arc", "wavelength", "a_dot", "delta_n_dot"})
 _AXES = ("x", "y", "z")
 _WIDTH = MappingProxyType({"group_delay": 2, "r_e": 3, "v_e": 3, "a_e": 3, "r_sat_e": 3, "v_sat_e": 3})
 _PLACES = ("position_e", "station_e", "eccentricity_n")

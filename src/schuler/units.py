@@ -105,7 +105,10 @@ _ATOMS: dict[str, tuple[float, Dimension]] = {
 # what g and mg mean where a magnetic flux density is asked for
 _GAUSS = {"g": "gauss", "mg": "mgauss"}
 # written in capitals or with a capital somewhere these still mean one thing; "Mg" and "Ms" would not
-_ANY_CASE = {"deg", "rad", "rev", "min", "arcsec", "arcmin", "km", "kn", "nmi", "ft", "hz", "degc", "g", "s", "h", "m"}
+_ANY_CASE = {
+    "deg", "mdeg", "rad", "mrad", "rev", "min", "arcsec", "arcmin", "km", "kn", "nmi", "ft", "hz", "degc", "g", "s",
+    "h", "m",
+}  # fmt: skip
 _MAX_EXPONENT, _MAX_DEPTH = 9, 8
 _SPELLINGS = {
     "hz": "Hz", "degc": "degC", "rpm": "rev/min", "rthz": "sqrt(Hz)", "rthr": "sqrt(h)", "rth": "sqrt(h)",

@@ -14,7 +14,16 @@ import numpy as np
 from schuler.exceptions import InputError
 from schuler.proposal import arrays, tables
 from schuler.proposal.decision import Decision, UndecidedError
-from schuler.proposal.hints import accuracy_hints, half_hints, head_of, is_plain, span_of, table_hints, unit_of
+from schuler.proposal.hints import (
+    accuracy_hints,
+    half_hints,
+    head_of,
+    is_plain,
+    missing_half,
+    span_of,
+    table_hints,
+    unit_of,
+)
 from schuler.proposal.rivals import chosen
 from schuler.recording.formats import registry
 from schuler.recording.io import columns, packed
@@ -25,6 +34,7 @@ from schuler.units import factor_for
 _TRUTH = re.compile(r"truth|reference|ground|(^|[_-])(gt|ref)([_-]|$)", re.IGNORECASE)
 _NO_LOGS = (".md", ".json", ".yaml", ".yml", ".toml", ".html", ".tag", ".png", ".jpg", ".pdf", ".py", ".rst")
 HALVES = ("accel", "gyro")
+_BOTH = "an IMU has both; log the {} too"
 _CLAIM, _LEAST_CLAIM_M = 3.0, 0.02  # 1-sigma of positions over their scatter, in which slow errors do not show
 #: Origin of a local frame that nobody stated: gravity is within 0.03 m/s^2 of that anywhere at sea level.
 SOMEWHERE = "45,0,0"
@@ -322,7 +332,12 @@ def _relate(files: Files, tracks: list[str], given: Mapping[str, Any]) -> None:
     files.decisions += [Decision(f"recording.gnss.{n}", v, evidence[n]) for n, v in entry.items() if n not in stated]
 
 
-def _unknown(path: Path, section: str) -> UndecidedError:
+def _unknown(path: Path, section: str) -> InputError:
+    if (missing := missing_half(path)) is not None:
+        return InputError(
+            f"{path}: its header names {missing[0]} but no {missing[1]}: {_BOTH.format(missing[2])}, or say which "
+            f"columns they are, --set {section}.columns='\"t,ax,ay,az,gx,gy,gz\"' (- skips one)"
+        )
     return UndecidedError(
         f"{path}: neither a header nor the numbers tell the columns: say them, - skips one, such as "
         f"--set {section}.columns='\"t,ax,ay,az,gx,gy,gz\"'"
@@ -332,6 +347,10 @@ def _unknown(path: Path, section: str) -> UndecidedError:
 def _nothing(log: Path, names: list[str], *, satellites: bool) -> InputError:
     if inside := folders_in(log):
         return InputError(f"{log}: no log of an IMU is recognised among {listed(names) or 'no files'}: {inside}")
+    for name in names:
+        path = packed.resolved(log / name)
+        if path.is_file() and is_plain(path) and (missing := missing_half(path)) is not None:
+            return InputError(f"{log}: {name} has {missing[0]} but no {missing[1]}: {_BOTH.format(missing[2])}")
     positions = f"; schuler points {log} makes positions of its satellite measurements" if satellites else ""
     return InputError(
         f"{log}: no log of an IMU is recognised among {listed(names) or 'no files'}: name the file and its columns, "

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.exceptions import FileFormatError
+from schuler.exceptions import FileFormatError, SchulerError
 from schuler.proposal import tables
 from schuler.proposal.decision import Decision
 from schuler.recording.formats import nmea, registry, rtklib, text
@@ -225,6 +225,27 @@ def rates_by_name(path: Path, given: str | None, axes: str) -> str | None:
     if along is None or across is None or axes[("gx", "gy").index(along)] not in "RL" or axes[2] not in "UD":
         return None
     return ",".join({"gx": "gy", "gy": "gx"}.get(name, name) for name in names)
+
+
+def missing_half(path: Path) -> tuple[str, str, str] | None:
+    """What a table has of an IMU, what it lacks, and the sensor of that; None if its header names both or neither.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    try:
+        named = set(_layout(path, None)[0])
+    except SchulerError:
+        return None
+    accel, gyro = set(columns.ACCEL) <= named, set(columns.GYRO) <= named
+    if accel == gyro:
+        return None
+    return (
+        ("accelerations", "angular rates", "gyroscope")
+        if accel
+        else ("angular rates", "accelerations", "accelerometer")
+    )
 
 
 def feels_gravity(path: Path) -> bool:

@@ -34,6 +34,8 @@ _UNIT_NORM = 1e-3  # digits of a written quaternion
 _WIDEST, _HIGHEST_M = 20, 9000.0  # columns of a table of fixes, and heights of vehicles
 _HELD = 0.5  # share of samples over which a receiver's time is held
 _COUNTED = 0.99  # share of steps of one that make a counter of rows, which may begin again
+_SAME_RATE = 0.01  # share by which clocks of one table may run apart
+_RISING = 0.9  # share of rows of fixes that come later than the one before
 _UNIX_S = (1e9, 2.1e9)  # the years 2001 to 2036
 
 
@@ -164,25 +166,46 @@ def clock_column(path: Path, names: Sequence[str]) -> int | None:
         several that run together the one that is called the IMU's, or the first.
     """
     needed = [k for k, name in enumerate(names) if name in columns.ACCEL]  # rows between fixes have their fields empty
-    values = _numbers(path, needed) if needed else None
+    if not needed:
+        return _unix_column(path, names)
+    values = _numbers(path, needed)
     if values is None or len(values) < _BLOCK or values.shape[1] != len(names):
         return None
     if "t" in names:
         held = _numbers(path, [*needed, names.index("t")])
         if held is None or len(held) < _BLOCK or (np.diff(held[:, names.index("t")]) == 0.0).mean() < _HELD:
             return None
-    clocks: dict[int, FloatArray] = {}
+    clocks: dict[int, FloatArray] = {}  # steps in seconds
+    unix: list[int] = []
     for k in [k for k, name in enumerate(names) if name == "-"]:
         each = _numbers(path, [*needed, k])
-        if each is not None and len(each) > 0.9 * len(values) and _is_clock(each[:, k]) and time_unit(each[:, k]):
-            clocks[k] = each[:, k]
-    run = [np.diff(t) for t in clocks.values()]
-    together = all(len(steps) == len(run[0]) and np.allclose(steps, run[0], atol=0.1 * run[0].mean()) for steps in run)
-    if len(clocks) < 2 or not together:
-        return next(iter(clocks)) if len(clocks) == 1 else None
+        if each is None or len(each) <= 0.9 * len(values) or not _is_clock(each[:, k]):
+            continue
+        if (unit := time_unit(each[:, k])) is not None:
+            clocks[k] = dict(_TIME_UNITS)[unit[0]] * np.diff(each[:, k])
+            unix += [k] if unit[1] is not None else []
+    if len(clocks) < 2:
+        return next(iter(clocks), None)
+    evenest = min(clocks, key=lambda k: float(np.std(clocks[k])))
+    steps = clocks[evenest]
+    if any(len(x) != len(steps) or abs(x.sum() / steps.sum() - 1.0) > _SAME_RATE for x in clocks.values()):
+        return None
+    together = [k for k, x in clocks.items() if np.allclose(x, steps, atol=0.1 * float(steps.mean()))]
     opening = text_head.open_text(path, ReadHints())
     called = [] if opening.header is None else [header_words.words_of(field) for field in opening.header[1]]
-    return next((k for k in clocks if k < len(called) and "imu" in called[k]), next(iter(clocks)))
+    likely = [k for k in together if k < len(called) and "imu" in called[k]] or [k for k in together if k in unix]
+    return (likely or together)[0]  # one that jitters more is when the rows came
+
+
+def _unix_column(path: Path, names: Sequence[str]) -> int | None:
+    """The first column without a known name that holds Unix time, of a table of fixes without another time."""
+    if "t" in names or "lat" not in names:
+        return None
+    for k in [k for k, name in enumerate(names) if name == "-"]:
+        t = column(path, k)
+        if t is not None and len(t) > 1 and unix_unit(t) is not None and (np.diff(t) > 0.0).mean() > _RISING:
+            return k
+    return None
 
 
 def time_unit(t: FloatArray) -> tuple[str, str | None] | None:

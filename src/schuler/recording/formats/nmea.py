@@ -25,7 +25,7 @@ from schuler.recording.io.assemble import metadata_of
 from schuler.recording.io.clock import from_gps
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import check_file
-from schuler.recording.io.over_ground import NO_VELOCITY, NO_VERTICAL_RATE
+from schuler.recording.io.over_ground import NO_HEIGHT, NO_VELOCITY, NO_VERTICAL_RATE
 from schuler.recording.io.raw import HUGE
 from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries, stated_dilution
@@ -45,9 +45,24 @@ _USED = {"height", "geoid_separation", "sigma", "allow", "offset", "name", "seri
 #: Fields that are used; a sentence cut short and summed up anew lacks some.
 _FIELDS = MappingProxyType({
     "GGA": ("quality", "lat", "lon", "alt", "sep", "HDOP", "numSV"), "GST": ("stdLat", "stdLong", "stdAlt"),
-    "GSA": ("VDOP",), "RMC": ("status", "spd", "cog", "date"), "VTG": ("sogk", "cogt"), "ZDA": ("year", "month", "day"),
+    "GSA": ("VDOP",), "RMC": ("status", "spd", "cog", "date", "lat", "lon"), "VTG": ("sogk", "cogt"),
+    "ZDA": ("year", "month", "day"),
 })  # fmt: skip
+_WRONG_SUM = "sentences with a wrong checksum were left out"
 _DAY_S = 86_400.0
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Position of an RMC, which has neither height nor dilution of precision, as a GGA has it."""
+
+    lat: float
+    lon: float
+    quality: int
+    alt: float = 0.0
+    sep: float = 0.0
+    HDOP: float = 1.0
+    numSV: int = 0
 
 
 @dataclass
@@ -118,9 +133,20 @@ def read_nmea(path: Path | str, hints: ReadHints | None = None) -> Recording:
     check_file(path)
     notes: list[str] = []
     epochs = _epochs(path.read_bytes(), notes)
+    if not any(e.has_position for e in epochs):
+        _place_by_rmc(epochs)
     fixes = [e for e in epochs if e.has_position]
     if not fixes:
-        raise FileFormatError("expected NMEA sentences GGA, found none with a right checksum: enable GGA", path)
+        lost = next((note.partition(" ")[0] for note in notes if _WRONG_SUM in note), None)
+        why = (
+            "enable GGA"
+            if lost is None
+            else (
+                f"{lost} have a wrong one, since bytes were lost on the way to the file: log with a larger buffer, at "
+                "a lower rate or a higher baud rate, or fewer sentences"
+            )
+        )
+        raise FileFormatError(f"expected NMEA sentences GGA or RMC, found none with a right checksum: {why}", path)
     kept = [e for e in fixes if e.has_fix]
     if len(kept) < len(fixes):
         notes.append(f"{len(fixes) - len(kept)} epochs without a fix were left out.")
@@ -129,6 +155,15 @@ def read_nmea(path: Path | str, hints: ReadHints | None = None) -> Recording:
     gnss, base = series_of(path, epochs, kept, hints, notes)
     notes += checks.timing_notes(gnss.t)
     return Recording(gnss=gnss, metadata=metadata_of(path, hints, base, notes))
+
+
+def _place_by_rmc(epochs: list[Epoch]) -> None:
+    """Take positions of RMC where a log has no GGA."""
+    for epoch in epochs:
+        rmc = epoch.sentences.get("RMC")
+        if rmc is not None and rmc.status == "A" and _is_place(rmc):
+            quality = 2 if getattr(rmc, "posMode", "") == "D" else 1
+            epoch.sentences["GGA"] = _Place(float(rmc.lat), float(rmc.lon), quality)
 
 
 def series_of(
@@ -169,7 +204,8 @@ def series_of(
     gga = [e.sentences["GGA"] for e in kept]
     series = GnssSeries(
         t, llh, cov_r_n, v_n, cov_v_n, np.array([_QUALITY[m.quality] for m in gga]),
-        np.array([int(_number(m.numSV)) for m in gga]), dop=stated_dilution(*np.array([_stated(e) for e in kept]).T),
+        None if isinstance(gga[0], _Place) else np.array([int(_number(m.numSV)) for m in gga]),
+        dop=None if isinstance(gga[0], _Place) else stated_dilution(*np.array([_stated(e) for e in kept]).T),
     )  # fmt: skip
     return series, base
 
@@ -186,7 +222,7 @@ def _sentences(data: bytes, left_out: Counter[str]) -> Iterator[tuple[str, Any]]
         for byte in match.group()[1:-3]:
             checksum ^= byte
         if checksum != int(match.group(4), 16):
-            left_out["sentences with a wrong checksum were left out"] += 1
+            left_out[_WRONG_SUM] += 1
             continue
         try:
             message = NMEAReader.parse(match.group() + b"\r\n", validate=VALNONE)
@@ -276,6 +312,12 @@ def _positions(path: Path, kept: list[Epoch], hints: ReadHints, notes: list[str]
                 path,
             )
         llh[row] = gga.lat * units.DEG, gga.lon * units.DEG, gga.alt + separation
+    if isinstance(kept[0].sentences["GGA"], _Place):
+        notes.append(
+            f"There is no GGA: positions are those of RMC, without heights, which are zero with a 1-sigma of "
+            f"{NO_HEIGHT:g} m; heights of the solution mean nothing."
+        )
+        return llh
     whose = "stated" if hints.geoid_separation is not None else "receiver's"
     notes.append(f"Heights above mean sea level were made ellipsoidal with the {whose} geoid separation.")
     return llh
@@ -291,6 +333,7 @@ def _position_covariance(path: Path, kept: list[Epoch], hints: ReadHints, notes:
             sigma[row] = stated
             continue
         guessed += 1
+        flat = isinstance(e.sentences["GGA"], _Place)
         if hints.sigmas is not None:
             sigma[row] = hints.sigmas[:3]
             continue
@@ -300,12 +343,13 @@ def _position_covariance(path: Path, kept: list[Epoch], hints: ReadHints, notes:
                 "an epoch has neither GST nor HDOP, so nothing says how accurate it is: say sigma='N,E,D' [m]", path
             )
         error = RANGE_ERROR[e.sentences["GGA"].quality]
-        sigma[row] = error * horizontal / np.sqrt(2.0), error * horizontal / np.sqrt(2.0), error * vertical
+        sigma[row] = (*2 * (error * horizontal / np.sqrt(2.0),), NO_HEIGHT if flat else error * vertical)
     if guessed:
+        times = "" if isinstance(kept[0].sentences["GGA"], _Place) else "HDOP and VDOP times "
         how = (
             f"was set to {hints.sigmas[:3]} m"
             if hints.sigmas is not None
-            else "is a rule of thumb: HDOP and VDOP times a range error by kind of fix (hint sigma replaces it)"
+            else f"is a rule of thumb: {times}a range error by kind of fix (hint sigma replaces it)"
         )
         notes.append(f"{guessed} epochs have no GST; their 1-sigma {how}.")
     cov = np.zeros((len(kept), 3, 3))

@@ -26,6 +26,7 @@ from schuler.recording.recording import Recording
 OWN_MARK = "# schuler {"
 OWN_FAMILY = "schuler/csv"
 OWN_FORMAT = f"{OWN_FAMILY}/2"
+_AS_RATE = "The header states angular rates in"
 _ONE_CLOCK = "are taken to run on one clock of unknown epoch."
 
 
@@ -327,6 +328,17 @@ def _stated_units(opening: Opening, hints: ReadHints, chosen: dict[str, int], no
         except SchulerError as error:
             if group == "mag" and group not in given:
                 continue  # by its size
+            beside = columns.unit_in(opening.header[1][chosen["ax"]]) if "ax" in chosen else None
+            if (
+                group == "gyro"
+                and group not in given
+                and _is_factor(f"{unit}/s", group)
+                and _is_factor(beside, "accel")
+            ):
+                stated[name] = f"{unit}/s"  # increments have a velocity beside them
+                note = f"{_AS_RATE} {unit}; taken as {unit}/s."
+                notes += [note] if note not in notes else []
+                continue
             if name == "temp" and group not in given:
                 notes.append(f"The temperature was left out, whose unit is not known: {opening.header[1][k]}.")
                 del chosen[name]
@@ -341,6 +353,17 @@ def _stated_units(opening: Opening, hints: ReadHints, chosen: dict[str, int], no
             continue
         stated[name] = unit
     return stated
+
+
+def _is_factor(unit: str | None, group: str) -> bool:
+    """Whether a unit is stated, and is one of a group's rates."""
+    if unit is None:
+        return False
+    try:
+        factor(unit, group, "rate")
+    except SchulerError:
+        return False
+    return True
 
 
 def _listed(names: list[str]) -> str:

@@ -221,8 +221,9 @@ def _is_other_letter(column: tuple[str, str | None] | None, header: str) -> bool
 
 def _better(group: Sequence[str], named: dict[int, str], held: Sequence[str | None], texts: Sequence[str]) -> bool:
     """Whether columns named by their words are likelier than those named by spellings that are known."""
-    if group == ACCEL:
-        return any(header_words.is_g_force(texts[k]) for k in named)
+    if group == ACCEL:  # a phone's linear_acceleration, without gravity, has its accelerometer beside it
+        spelled = header_words.words_of(texts[held.index("ax")])
+        return any(header_words.is_g_force(texts[k]) for k in named) or "linear" in spelled
     if "lat" in group:  # a height beside the receiver's own is a barometer's
         foreign = {name: header_words.is_foreign(header_words.words_of(texts[k])) for k, name in named.items()}
         return any(

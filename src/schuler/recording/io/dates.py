@@ -18,6 +18,10 @@ _ISO = re.compile(
 
 #: ``17-May-2024 18:53:02.001`` of MATLAB.
 _NAMED = re.compile(r"(\d\d?)-([A-Za-z]{3})-((?:19[89]|20\d)\d)([T ].*)")
+#: ``Wed Dec 22 21:09:46 2021`` of C, Python and Unix.
+_OF_C = re.compile(
+    r"(?:[A-Za-z]{3},? +)?([A-Za-z]{3}) +(\d\d?),? +(\d\d:\d\d:\d\d(?:[.,]\d+)?) +(?:(UTC|GMT) +)?((?:19[89]|20\d)\d)"
+)
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _CLOCK = re.compile(r"([01]?\d|2[0-3]):([0-5]\d):([0-5]\d)(?:[.,:](\d+))?")
 _DAY = re.compile(r"((?:19[89]|20\d)\d)[-/.](\d\d?)[-/.](\d\d?)|(\d\d?)\.(\d\d?)\.((?:19[89]|20\d)\d)")
@@ -85,11 +89,17 @@ def is_date(field: str) -> bool:
 
 def _iso(field: str) -> re.Match[str] | None:
     """A date as ISO 8601 has it, or with the month in letters, taken apart."""
-    if (match := _ISO.fullmatch(field)) is None and (named := _NAMED.fullmatch(field)):
+    if (match := _ISO.fullmatch(field)) is not None or not field[:1].isalnum():
+        return match
+    if named := _NAMED.fullmatch(field):
         d, name, y, clock = named.groups()
-        month = _MONTHS.index(name.lower()) + 1 if name.lower() in _MONTHS else 0
-        match = _ISO.fullmatch(f"{y}-{month:02d}-{int(d):02d}{clock}")
-    return match
+    elif named := _OF_C.fullmatch(field):
+        name, d, clock, zone, y = named.groups()
+        clock = f"T{clock}{'Z' if zone else ''}"
+    else:
+        return None
+    month = _MONTHS.index(name.lower()) + 1 if name.lower() in _MONTHS else 0
+    return _ISO.fullmatch(f"{y}-{month:02d}-{int(d):02d}{clock}")
 
 
 def unix_ns(fields: Iterable[str]) -> tuple[IntArray, bool, int | None]:

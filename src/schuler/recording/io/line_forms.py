@@ -30,11 +30,14 @@ PREFIX = re.compile(r"[EWIDV] \((\d+)\) [\w-]+: ")  # of ESP-IDF: level, millise
 WORD = re.compile(r"[A-Za-z_]\w*")
 _SENTENCE = re.compile(r"\$[A-Z]{5},[ -~]*\*[0-9A-Fa-f]{2}\s*$")
 _STAMP = re.compile(
-    r"\[?(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?Z?|\d\d?:\d\d:\d\d[.,:]\d+)\]?(?:\s*->|\s*[-:,;])?\s+"
+    r"\[?(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?Z?|\d\d?:\d\d:\d\d[.,:]\d+)\]?(?:(?:\s*->|\s*[-:,;])?\s+|[,;])"
 )
 _LEVEL = re.compile(r"(?:(?:DEBUG|INFO|WARNING|ERROR|root)\s*[-:,;]?\s*)+")  # of a program's log
-_NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?!D(?:\b|_))")  # no 3D of a fix
 _LABEL = re.compile(r"(?<!\w)[A-Za-z/]\w*\]?\s*[:=]\s*[(\[]?\s*[-+.\d]")
+#: A sensor before its axes, with a unit or without: ``ACCEL(m/s²): X=0.06,Y=-0.20``.
+_GROUP = re.compile(r"([A-Za-z]\w*)\s*(?:[(\[]([^)\]]*)[)\]])?\s*:\s*([A-Za-z]\w*)\s*=\s*[(\[]?\s*$")
+_MEMBER = re.compile(r"[^\w]*([A-Za-z]\w*)\s*=\s*[(\[]?\s*")
 _UNIT = re.compile(r"\s?([a-zA-Z°/^0-9]+)")
 _TICKS = {"TimeUS": "time [us]", "TimeMS": "time [ms]"}
 #: Sensors by their numbers in Sensorstream's lines.
@@ -55,7 +58,7 @@ def text_of(path: Path) -> Iterator[str]:
     """Lines of a file that are neither empty nor comments."""
     with path.open(encoding=lines.encoding_of(lines.check_file(path), path), errors="replace") as stream:
         for row in stream:
-            if (text := row.strip()) and not text.startswith(COMMENTS):
+            if (text := lines.decode(row.strip())) and not text.startswith(COMMENTS):
                 yield text
 
 
@@ -367,20 +370,29 @@ def free_rows(path: Path) -> Iterator[tuple[str, Row]]:
             continue
         row, rest = _rest(text)
         numbers = _labelled(rest)
-        yield _NUMBER.sub("", rest).strip() if numbers else "", row | numbers
+        if any((column := columns.recognise(name)) is not None and column[0] == "t" for name in numbers):
+            row = {}  # when it arrived; the device's own is better
+        grouped = _GROUP.search(rest[: number.start()]) if (number := _NUMBER.search(rest)) else None
+        kind = " ".join(numbers) if grouped else _NUMBER.sub("", rest).strip()  # words of a state may change
+        yield kind if numbers else "", row | numbers
 
 
 def _labelled(text: str) -> Row:
     """Numbers of a line: three of one label are its axes, two of a place latitude and longitude, six two sensors'."""
     values: dict[str, list[str]] = {}
-    label, at = "", 0
+    label, group, of_group, at = "", "", "", 0
     for number in _NUMBER.finditer(text):
-        between = text[at : number.start()].strip(_MARKS)
-        if re.search(r"[A-Za-z]", between):
-            label = re.split(r"[\s,;|]+", between)[-1].strip(_MARKS)
+        between = text[at : number.start()]
+        if opened := _GROUP.search(between):
+            group, of_group, label = opened[1], opened[2] or "", f"{opened[1]}_{opened[3]}"
+        elif group and (member := _MEMBER.fullmatch(between)):
+            label = f"{group}_{member[1]}"
+        elif re.search(r"[A-Za-z]", between.strip(_MARKS)):
+            label, group = re.split(r"[\s,;|]+", between.strip(_MARKS))[-1].strip(_MARKS), ""
         unit = _UNIT.match(text, number.end())
         at = unit.end() if unit and text_head.is_unit(unit[1]) else number.end()
-        values.setdefault(f"{label} [{unit[1]}]" if unit and at > number.end() else label, []).append(number[0])
+        stated = unit[1] if unit and at > number.end() else of_group if group and text_head.is_unit(of_group) else ""
+        values.setdefault(f"{label} [{stated}]" if stated else label, []).append(number[0])
     row: Row = {}
     for name, numbers in values.items():
         row.update(zip(_names(name, len(numbers)), numbers, strict=True))

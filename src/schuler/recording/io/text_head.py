@@ -20,6 +20,8 @@ from schuler.units import parse_unit
 _COMMENTS = ("#", "%", "//")
 _BANNER = 20  # lines of words above the first numbers that a logger may write
 _LEAST_NS = 1e17  # of a stamp since 1970 in nanoseconds
+_UNIX_S = (1e9, 2.1e9)  # the years 2001 to 2036
+_DECIMALS = re.compile(r":\d\d[.,]\d")
 _LOOKED_AT = 100  # rows in which a decimal comma shows
 #: How columns are said where no header tells them.
 EXAMPLE = "columns='t,ax,ay,az,gx,gy,gz' (- skips one, * the rest)"
@@ -202,7 +204,25 @@ def columns_of(opening: Opening) -> list[tuple[str, str | None] | None]:
         stamps = stamps or [k for k, field in enumerate(opening.fields) if dates.is_clock(field)]
         if len(stamps) == 1 and read[stamps[0]] is None:
             read[stamps[0]] = ("t", None)
-    return _first_clock(read, opening)
+    return _first_clock(_of_one_instant(read, opening), opening)
+
+
+def _of_one_instant(read: list[tuple[str, str | None] | None], opening: Opening) -> list[tuple[str, str | None] | None]:
+    """Columns with one of a date and the same as Unix time beside it: the date, unless it is of whole seconds."""
+    times = [k for k, column in enumerate(read) if column is not None and column[0] == "t"]
+    if len(times) != 2 or len(read) != len(opening.fields):
+        return read
+    dated = [k for k in times if dates.is_date(opening.fields[k])]
+    since = [k for k in times if lines.is_number(opening.fields[k]) and _is_unix(float(opening.fields[k]))]
+    if len(dated) != 1 or len(since) != 1:
+        return read
+    dropped = since[0] if _DECIMALS.search(opening.fields[dated[0]]) else dated[0]
+    return [None if k == dropped else column for k, column in enumerate(read)]
+
+
+def _is_unix(stamp: float) -> bool:
+    """Whether a stamp is of this century in seconds or a thousandth, millionth, billionth of one."""
+    return any(_UNIX_S[0] <= stamp * second <= _UNIX_S[1] for second in (1.0, 1e-3, 1e-6, 1e-9))
 
 
 def _without_decimals(

@@ -25,18 +25,22 @@ from schuler.recording.series import ImuSeries
 
 
 def hand_logs(units: int) -> list[ImuSeries]:
-    """One log of each unit, drawn from one specification."""
+    """One log of each unit, drawn from one specification: 105 s at 50 Hz, 20 poses."""
     from schuler.calibration.freepose.simulation import hand_log
     from schuler.sensors.errors import ImuErrors
     from schuler.sensors.noise import NoiseModel, White
+    from schuler.sensors.spec import ImuSpec, TriadSpec
 
-    from .test_freepose import SPEC
-
+    spec = ImuSpec(
+        name="of the fleet",
+        gyro=TriadSpec.gyro(arw_deg_rthr=1.0, bias_deg_s=0.5, scale_percent=1.0, misalignment_percent=1.0),
+        accel=TriadSpec.accelerometer(vrw_m_s_rthr=0.12, bias_mg=30.0, scale_percent=0.5, misalignment_percent=0.5),
+    )
     logs = []
     for sequence in np.random.SeedSequence(1).spawn(units):
         rng = np.random.default_rng(sequence)
         noise = {"gyro_noise": NoiseModel((White(3e-4),)), "accel_noise": NoiseModel((White(2e-3),))}
-        errors = replace(ImuErrors.draw(SPEC, rng, gauge="upper"), **noise)
+        errors = replace(ImuErrors.draw(spec, rng, gauge="upper"), **noise)
         logs.append(hand_log(errors, rng, poses=20, rest_s=3.0, turn_s=1.5, rate_hz=50.0))
     return logs
 

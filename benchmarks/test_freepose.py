@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.fleets import hand_logs
 
 from schuler.calibration.freepose.calibrate import calibrate_freepose
 from schuler.calibration.freepose.fleet import calibrate_fleet
-from schuler.calibration.freepose.simulation import hand_log
 from schuler.recording.series import ImuSeries
-from schuler.sensors.errors import ImuErrors
-from schuler.sensors.noise import NoiseModel, White
-from schuler.sensors.spec import ImuSpec, TriadSpec
 
 DATA = Path(os.environ.get("SCHULER_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")) / "imu_tk_xsens"
 UNITS = 1000
-SPEC = ImuSpec(
-    name="of the fleet",
-    gyro=TriadSpec.gyro(arw_deg_rthr=1.0, bias_deg_s=0.5, scale_percent=1.0, misalignment_percent=1.0),
-    accel=TriadSpec.accelerometer(vrw_m_s_rthr=0.12, bias_mg=30.0, scale_percent=0.5, misalignment_percent=0.5),
-)
 
 
 @pytest.mark.benchmark(group="free-pose calibration, 51 175 samples, 38 poses (imu_tk in C++: 0.46 s)")
@@ -41,14 +32,7 @@ def test_real_log(benchmark, options):
 
 @pytest.fixture(scope="module")
 def fleet():
-    """105 s at 50 Hz of each, 20 poses."""
-    logs = []
-    for sequence in np.random.SeedSequence(1).spawn(UNITS):
-        rng = np.random.default_rng(sequence)
-        noise = {"gyro_noise": NoiseModel((White(3e-4),)), "accel_noise": NoiseModel((White(2e-3),))}
-        errors = replace(ImuErrors.draw(SPEC, rng, gauge="upper"), **noise)
-        logs.append(hand_log(errors, rng, poses=20, rest_s=3.0, turn_s=1.5, rate_hz=50.0))
-    return logs
+    return hand_logs(UNITS)
 
 
 @pytest.mark.benchmark(group=f"fleet of {UNITS} units, units per second")

@@ -153,6 +153,7 @@ def test_quantisation():
     assert np.all(curve.alpha[:8] > 1.5)
 
 
+@pytest.mark.campaign
 def test_total_deviation_is_unbiased_for_a_random_walk():
     """Mean over 300 records at half the record: within 4 standard errors of K^2 tau / 3, and not without correction."""
     rng = np.random.default_rng(7)

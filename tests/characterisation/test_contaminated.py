@@ -50,6 +50,7 @@ def test_a_tenth_of_wide_outliers_leads_the_findings_and_leaves_the_intervals_na
         assert 0.003 < N.sigma / N.value < 0.01
 
 
+@pytest.mark.campaign
 @pytest.mark.thinned(2)
 @pytest.mark.parametrize(("kind", "share"), [("wide", 0.3), ("bursts", 0.1)])
 def test_what_replacing_cannot_mend_is_refused(kind, share):

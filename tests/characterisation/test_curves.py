@@ -45,6 +45,7 @@ def test_an_exact_curve_gives_its_terms_back():
     assert axis.unit == "m/s^2"
 
 
+@pytest.mark.campaign
 @pytest.mark.thinned(4)
 @pytest.mark.parametrize("count", [12, 40, 61])
 def test_averaging_times_need_not_be_multiples_of_a_sample(count):

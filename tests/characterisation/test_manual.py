@@ -65,6 +65,7 @@ def test_percentiles_are_continued_beyond_the_simulated_ones(column):
     assert sigma[-1] == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.campaign
 @pytest.mark.thinned(4)
 @pytest.mark.parametrize(("z", "runs"), [(0.6, 1500), (9.22, 1500), (40.0, 1000), (150.0, 600)])
 def test_percentiles_hold_for_simulated_records(z, runs):

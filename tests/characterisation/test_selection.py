@@ -44,6 +44,7 @@ def test_the_true_model_is_kept_mostly(name, logs):
     )
 
 
+@pytest.mark.campaign
 def test_a_resonance_at_short_times_is_left_out_and_said():
     """A broad vibration of 2 Hz. What it has at low frequencies is white and part of N; what is left of its hump at the
     shortest time that was kept makes N up to 6 % too large; K is known within three of its sigmas."""

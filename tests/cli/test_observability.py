@@ -54,6 +54,7 @@ def test_faults_say_what_to_do(capsys, arguments, message):
     assert message in refusal(capsys, "observability", *arguments)
 
 
+@pytest.mark.campaign
 def test_a_log(capsys, tmp_path):
     """The run's own transitions and measurements; the configuration is that of schuler navigate."""
     pytest.importorskip("pyarrow")

@@ -107,6 +107,7 @@ def test_the_command_ends_with_two_and_the_option(folder, capsys):
     assert "checked: unit of specific force, positions against velocities, IMU clock against GNSS" in out
 
 
+@pytest.mark.campaign
 def test_exchanged_coordinates_do_not_hide_what_is_wrong_with_the_imu(tmp_path, drive):
     """A latitude of 109 deg is refused by the reader; the two are exchanged back and the rest is looked at."""
     imu, g = drive.imu, drive.gnss

@@ -125,6 +125,7 @@ def test_c_is_the_filter_for_every_layout(tmp_path, name):
     assert replayed["measurements"] > 450
 
 
+@pytest.mark.campaign
 def test_c_propagates_at_every_sample_with_noise_by_axis(tmp_path):
     """No decimation, and densities that differ by axis, so that the noise turns with the body."""
     log, schedule, initial = run_of(LAYOUTS["15"], 20.0)
@@ -176,6 +177,7 @@ def decisions(folder):
     return [tuple(line.split(",")[2:4]) for line in lines if line.startswith("outcome")]
 
 
+@pytest.mark.campaign
 def test_c_propagates_where_the_body_turned_far(tmp_path):
     """Between two propagations by time others, when a turn reaches its limit."""
     log, schedule, initial = run_of(LAYOUTS["15"], 20.0, vehicle=False)
@@ -196,6 +198,7 @@ def test_c_counts_rejections_of_wheels(tmp_path, lockout):
     assert (("6", "3") in decisions(folder)) == (lockout > 0)
 
 
+@pytest.mark.campaign
 def test_c_carries_pauses_and_uneven_steps(tmp_path):
     """Steps that jitter by a tenth, lost samples within increments, pauses with the noise of what nobody saw."""
     log, schedule, initial = run_of(LAYOUTS["33"])

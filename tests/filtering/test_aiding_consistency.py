@@ -80,6 +80,7 @@ def test_nees_of_zero_rotation(drive, runs):
     assert low < campaign.nis.mean() < high
 
 
+@pytest.mark.campaign
 def test_zero_rotation_with_noise_of_its_own_is_exact(drive):
     """Earth rate, bias and independent noise: no excess is left."""
 

@@ -162,6 +162,7 @@ def test_sampled_noise_sums_exactly():
         assert abs(np.var(x) / float(expected) - 1.0) < 4.0 * np.sqrt((kurtosis - 1.0) / RUNS)
 
 
+@pytest.mark.campaign
 def test_position_across_the_track_is_a_twelfth():
     """E1: the printed 1/8 is rejected by a Monte Carlo that accepts 1/12. 400 steps leave 1 %."""
     rng, count, t = np.random.default_rng(4), 400, 20.0

@@ -64,6 +64,7 @@ def test_ranks_of_twelve_states_by_scheme(axis, roll, pitch, azimuth, without, w
     assert result.rank - result.useful == weak
 
 
+@pytest.mark.campaign
 def test_formal_ranks_with_earth_rate_are_the_symbolic_ones():
     """What the Gramian loses (second order in Earth rate over platform rate) the square root still has."""
     for axis, azimuth, expected in ((None, 0, 9), ("X", 0, 10), ("X", 40, 12), ("Y", 0, 12), ("Z", 0, 12)):

@@ -45,6 +45,7 @@ def test_turning_F_and_constant_F_are_the_same_system(axis, manoeuvre):
     assert (first - second * Q).applyfunc(sp.simplify) == sp.zeros(*first.shape)
 
 
+@pytest.mark.campaign
 def test_output_injection_keeps_the_span():
     """What velocity does to the others may be left out of F, since it is measured."""
     model = sym.rotary_model("z", earth=True, order=6)

@@ -32,10 +32,8 @@ def rms(truth, recording, config):
     return float(np.sqrt(np.mean(errors.horizontal**2)))
 
 
-@pytest.mark.parametrize(
-    "name",
-    [name if name == "two-sensors-gpx" else pytest.param(name, marks=pytest.mark.campaign) for name in FOLDERS],
-)
+@pytest.mark.campaign
+@pytest.mark.parametrize("name", FOLDERS)
 def test_a_folder_of_any_format_is_navigated_as_by_one_who_knows(name, drive, tmp_path):
     truth, recording, by_hand, without_velocities = drive
     if name == "two-sensors-gpx":  # a GPX has none

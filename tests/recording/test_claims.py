@@ -73,6 +73,7 @@ def assert_named(message: str) -> None:
     assert any(word in message for word in ("claim", "damaged", "unpacks to", "complete")), message
 
 
+@pytest.mark.campaign
 def test_unix_compress_is_bounded(tmp_path):
     """A .Z file of 100 kB that unpacks to a gigabyte: strings grow by one byte with every code."""
     from schuler.exceptions import FileFormatError

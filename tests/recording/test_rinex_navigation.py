@@ -379,6 +379,7 @@ def test_zero_coefficients_are_none(read):
     assert any("all zero or cannot be read: beta, galileo" in n for n in nav.notes)
 
 
+@pytest.mark.campaign
 def test_a_file_cut_off_anywhere_is_read_up_to_the_last_complete_message(read):
     body = message("G01", DATE_3, orbit()) + message("R09", DATE_3, GLONASS) + message("G02", DATE_3, orbit())
     ends = [body.index("R09") - 1, body.index("G02") - 1, len(body) - 1]
@@ -489,6 +490,7 @@ def test_real_files(shared_data, name, kepler, glonass):
         assert g.sent[0] == g.toe[0] - 210.0
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 @pytest.mark.filterwarnings("ignore")
 def test_georinex_reads_the_same_numbers(shared_data):

@@ -53,6 +53,7 @@ def leaves(moves) -> tuple[float, float]:
     return float(np.abs(once[:9]).max()), float(np.abs(once[9:]).max())
 
 
+@pytest.mark.campaign
 def test_no_closed_eight_leaves_neither_and_ours_leaves_less_than_any_other():
     """All closed sequences of eight half turns within a turn of zero, 30 deg/h and 2e-3; exact but for rounding."""
     weights = np.concatenate((np.full(9, 30.0 * DEG / 3600.0), np.full(27, 2e-3)))

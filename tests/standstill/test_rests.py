@@ -217,6 +217,7 @@ def rest_number(t):
     return np.searchsorted(SET.rests[:, 1], np.minimum(t, SET.duration - 0.1))
 
 
+@pytest.mark.campaign
 def test_a_hand_that_trembles(rng):
     """Noise correlated over half a second, of 13 (force) and 20 (rate) times the density of the white one."""
     kick = rng.standard_normal((len(log_of(SET)), 6))

@@ -159,10 +159,10 @@ def test_limits_in_units_of_the_sensor(rng):
 
 
 def test_detection_and_false_alarm_by_monte_carlo():
-    """40 logs of 6 poses: every turn of 4 deg is seen, nearly all time at rest is kept."""
+    """20 logs of 6 poses: every turn of 4 deg is seen, nearly all time at rest is kept."""
     rng = np.random.default_rng(5)
     kept = total = joined = 0
-    for _ in range(40):
+    for _ in range(20):
         imu, rest = poses(rng, count=6, rest_s=5.0, turn_s=0.5, angle=0.07)
         intervals = static_intervals(imu, window_s=0.5)
         kept += intervals.mask.sum()

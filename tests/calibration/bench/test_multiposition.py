@@ -268,6 +268,7 @@ def test_inner_product_ties_the_triads_together(rng):
     np.testing.assert_allclose(result.residuals["inner product"].value, 0.0, atol=1e-16)
 
 
+@pytest.mark.campaign
 @pytest.mark.thinned(3)
 @pytest.mark.parametrize("runs", [8, 16, 40])
 def test_covariance_with_the_rotation(rng, runs):

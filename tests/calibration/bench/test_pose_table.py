@@ -27,6 +27,7 @@ def table(f=None, omega=None):
     return PoseTable(columns | ({} if omega is None else dict(zip(("gx", "gy", "gz"), omega.T, strict=True))))
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("n", [6, 14, 20])
 @pytest.mark.thinned(3)
 def test_claims_hold_without_a_stated_noise(n):

@@ -66,6 +66,7 @@ def fit_magnitude(f, p, g=G0):
     return x
 
 
+@pytest.mark.campaign
 @pytest.mark.thinned(2)
 @pytest.mark.parametrize(("plan", "p"), [(6, 6), (10, 9), (18, 9), (26, 9)])
 def test_predicted_covariance_agrees_with_monte_carlo(plan, p):

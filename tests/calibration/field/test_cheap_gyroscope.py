@@ -35,6 +35,7 @@ def calibrated(ideal, spec=CHEAP, seed=0, unit=CHEAP, **more):
     return solution, solution.calibration.values - vector(errors, solution.calibration.names)
 
 
+@pytest.mark.campaign
 def test_errors_are_as_large_as_stated(ideal):
     """NEES over ten units, 30 parameters each: statistical, chi-square band of 1 in 10000 to both sides.
 

@@ -134,6 +134,7 @@ def test_a_bias_on_the_vertical_is_averaged_as_the_closed_form_says():
     np.testing.assert_allclose(ahead.share[:, :2], 1.0, atol=3e-4)
 
 
+@pytest.mark.campaign
 def test_a_bias_at_rest_is_averaged_on_all_axes_as_the_closed_form_says():
     """The unit does not turn: three rates are those of the Earth in an attitude known to 0.1 and 1 rad.
 

@@ -96,6 +96,7 @@ def test_what_walks_and_decays_does_so_by_real_time():
     assert density / rate == pytest.approx(density_given / before, rel=1e-12)  # the variance it settles at
 
 
+@pytest.mark.campaign
 @pytest.mark.thinned(2)
 @pytest.mark.parametrize("spec", [AUTOMOTIVE, TACTICAL], ids=["automotive", "tactical"])
 def test_sigmas_are_those_of_the_bound(spec):

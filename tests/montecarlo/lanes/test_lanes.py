@@ -511,6 +511,7 @@ def test_scatter_is_what_the_filter_says(states):
     assert np.all((starts > 0.0).any(axis=0) & (starts < 0.0).any(axis=0))
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("runs", [24, pytest.param(400, marks=pytest.mark.slow)])
 def test_consistent_over_an_hour_with_outages(runs):
     """What a few minutes do not show; five outages of a minute."""

@@ -105,6 +105,7 @@ def test_right_stamps_stay_and_the_run_is_the_same_to_the_last_bit(seed):
     np.testing.assert_array_equal(result.covariance_e, plain.covariance_e)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("ahead", [1.5, pytest.param(-1.5, marks=pytest.mark.campaign)])
 def test_a_lever_arm_that_nobody_stated_is_no_offset(ahead):
     result = navigate(drive(lever=(ahead, 0.2, -0.5)), asked())

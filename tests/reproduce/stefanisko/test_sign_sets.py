@@ -19,6 +19,7 @@ def study():
     return sign_study(CASE, runs=2)
 
 
+@pytest.mark.campaign
 def test_sets_that_agree_in_themselves_are_one_filter(study):
     """A, C identical, B with every state negated; rounding of positions of 6e6 m over 200 updates."""
     for name in ("B", "C"):

@@ -53,6 +53,7 @@ def normalised(way, rows, name, time):
     return float(np.einsum("ri,ij,rj->", ned, np.linalg.inv(P), ned)), ned.size
 
 
+@pytest.mark.campaign
 @pytest.mark.thinned(4)
 @pytest.mark.parametrize("which", [0, 1], ids=["conventional", "rotary"])
 @pytest.mark.parametrize(("rows", "name"), [((0, 1, 2), "attitude"), ((3, 4, 5), "velocity"), ((6, 7, 8), "position")])

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from schuler import frames, units
+from schuler.exceptions import DivergenceError
 from schuler.filtering.initial_state import InitialState
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import NavigationConfig
+from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.run import navigate, prepared_run
 from schuler.navigation.tuning.likelihood import Residuals
 from schuler.navigation.tuning.noise import with_factors
@@ -184,3 +186,16 @@ def test_what_is_won_in_one_stretch_proves_nothing(won, is_proven):
     after = residuals(np.zeros(len(won)))
     before = replace(after, innovation=residuals(won).innovation * np.sqrt(1e3 * 0.999))
     assert proven(before, after) == is_proven
+
+
+def test_a_run_that_diverges_while_it_is_smoothed_leaves_the_start(drive, monkeypatch):
+    prepared, run = prepared_run(drive, config()), PreparedRun.run
+
+    def diverging(self, **given):
+        if self.options.smoother:
+            raise DivergenceError("the filter diverged")
+        return run(self, **given)
+
+    assert with_smoothed_start(prepared) is not prepared
+    monkeypatch.setattr(PreparedRun, "run", diverging)
+    assert with_smoothed_start(prepared) is prepared

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray
+from schuler.exceptions import DivergenceError
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule
 from schuler.mechanization.strapdown import NavState
@@ -39,8 +40,8 @@ def with_smoothed_start(prepared: PreparedRun) -> PreparedRun:
     Returns
     -------
     PreparedRun
-        As it was where fixes are not likelier with the smoothed start, and where ranges are the measurements, whose
-        noise leaves errors of the start small.
+        As it was where fixes are not likelier with the smoothed start, where the run that is smoothed diverges, and
+        where ranges are the measurements, whose noise leaves errors of the start small.
 
     Notes
     -----
@@ -67,8 +68,11 @@ def with_smoothed_start(prepared: PreparedRun) -> PreparedRun:
         schedule=replace(schedule, gate=np.where(_fixes(schedule), np.inf, schedule.gate)),
         options=replace(prepared.options, lockout=0, adaptive=False, smoother=True, record_s=0.05, output_rate_hz=1.0),
     )
-    forward = NavigationResult.from_run(first.run(), schedule.t, schedule.kind, prepared.layout)
-    smoothed = forward.smooth(keep=False)
+    try:
+        forward = NavigationResult.from_run(first.run(), schedule.t, schedule.kind, prepared.layout)
+        smoothed = forward.smooth(keep=False)
+    except DivergenceError:
+        return prepared
     s = smoothed.states
     if not np.isfinite(s.r_eb_e[0]).all() or not np.isfinite(smoothed.covariance_e[0]).all():
         return prepared

@@ -201,6 +201,14 @@ def test_too_few_satellites_are_a_failure_with_advice(sky, tmp_path, capsys):
     assert not (tmp_path / "out" / "points.pos").exists()
 
 
+def test_a_log_without_codes_is_told_so(sky, tmp_path, capsys):
+    eph, o = sky
+    log = saved(replace(o, pseudorange=np.full(len(o), np.nan)), eph, tmp_path / "rates.parquet")
+    code, out, _ = run(capsys, "points", log, *BARE, "--out", tmp_path / "out", "--no-report", "--json")
+    assert code == 1
+    assert strict(out)["verdict"]["causes"][0].startswith("satellites without a pseudorange")
+
+
 @pytest.mark.parametrize("until", [5.0, 8.5, 18.0])
 def test_positions_without_a_velocity_are_not_lost(sky, tmp_path, capsys, until):
     """points.pos has every position, and every velocity that there is; rows without one end before it.

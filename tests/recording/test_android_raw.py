@@ -7,7 +7,7 @@ import pytest
 
 import schuler
 from schuler import frames
-from schuler.exceptions import FileFormatError
+from schuler.exceptions import FileFormatError, InputError
 from schuler.gnss import Observations, nominal_orbits, prepare_ranges, solve_points
 from schuler.gnss.carrier import begin_arcs
 from schuler.gnss.signals import BANDS, SPEED_OF_LIGHT, SYSTEMS
@@ -322,6 +322,17 @@ def test_raw_measurements_tie_the_imu_to_gps_time(tmp_path):
     assert len(both.imu) == len(log.imu)
     assert np.array_equal(both.observations.pseudorange, log.observations.pseudorange)
     assert both.imu.t[0] == pytest.approx(both.observations.t[0], abs=1e-6)
+    tied = FIELDS.index("ChipsetElapsedRealtimeNanos")
+    without = [",".join(row[:tied]) for row in records(o)]
+    (untied := tmp_path / "untied.txt").write_text(
+        head.replace(",ChipsetElapsedRealtimeNanos", "") + "\n".join([*lines, *without]) + "\n"
+    )
+    measured = schuler.read(untied)
+    assert measured.imu is None
+    assert np.array_equal(measured.observations.pseudorange, log.observations.pseudorange)
+    assert any("The IMU was left out: nothing ties" in note for note in measured.metadata.notes)
+    with pytest.raises(InputError, match="nothing ties"):
+        schuler.read(untied, series="imu")
     alone = schuler.read(path, time="local")
     assert alone.observations is None
     assert any("time since boot was asked for" in note for note in alone.metadata.notes)

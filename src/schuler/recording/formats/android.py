@@ -100,7 +100,8 @@ def read(path: Path, hints: ReadHints) -> Recording:
     hints : ReadHints
         ``streams="gnss=FLP,imu=Gyro"``: fixes of another provider than GPS, rates with Android's bias taken out; their
         accelerometer goes with them. ``axes`` of the device in the vehicle, if it does not lie on its back with its top
-        forward. ``time="local"`` keeps the time since boot, and leaves raw measurements out.
+        forward. ``time="local"`` keeps the time since boot, and leaves raw measurements out. An IMU that nothing ties
+        to raw measurements is left out, and noted, unless it is asked for (``series="imu"``).
 
     Raises
     ------
@@ -165,10 +166,12 @@ def read(path: Path, hints: ReadHints) -> Recording:
     if raw is None:
         return recording
     if base.scale != "gps":
-        raise InputError(
-            "nothing ties the time since boot to the raw measurements (no ChipsetElapsedRealtimeNanos, no fixes): read "
-            "either, with streams='imu=none'"
-        )
+        untied = "nothing ties the time since boot to the raw measurements (no ChipsetElapsedRealtimeNanos, no fixes)"
+        if hints.series in (None, "observations"):
+            notes.append(f"The IMU was left out: {untied}; time='local' reads it alone.")
+            metadata = metadata_of(path, hints, TimeBase("gps", raw.observations.epoch_gps_s), notes)
+            return Recording(observations=raw.observations, metadata=metadata)
+        raise InputError(f"{untied}: read either, with streams='imu=none' or time='local'")
     weeks = raw.observations.epoch_gps_s - recording.metadata.time.epoch_gps_s
     observations = replace(
         raw.observations, t=raw.observations.t + weeks, epoch_gps_s=recording.metadata.time.epoch_gps_s

@@ -9,6 +9,7 @@ from schuler.proposal import tables
 from schuler.proposal.files import files_of
 from schuler.recording.formats.nmea import read_nmea
 from schuler.recording.io import columns, dates, line_forms, text_head
+from schuler.recording.io.folder import names_in
 from schuler.recording.io.hints import ReadHints
 
 SAME_INSTANT_NS = 1_640_207_386_000_000_000
@@ -24,6 +25,14 @@ def test_an_accelerometer_named_with_its_chip_comes_before_acceleration_without_
     assert named == [None, None, None, "ax", "ay", "az", None, None, None]
     alone = [column and column[0] for column in columns.recognise_all(head[:3])]  # of ROS it is the specific force
     assert alone == ["ax", "ay", "az"]
+
+
+def test_axes_behind_the_name_of_a_chip_are_those_of_its_sensors():
+    head = [f"{s}_{t}{x}" for s in ("mpu", "est") for t in "ag" for x in "xyz"]  # est: of a filter
+    named = [column and column[0] for column in columns.recognise_all(head)]
+    assert named == ["ax", "ay", "az", "gx", "gy", "gz", *[None] * 6]
+    two = [f"{s}_a{x}" for s in ("mpu", "adxl") for x in "xyz"]
+    assert columns.recognise_all(two) == [None] * 6  # either may be meant
 
 
 @pytest.mark.parametrize(
@@ -173,3 +182,63 @@ def test_an_imu_without_a_gyroscope_is_told_so(tmp_path):
         files_of([path], {})
     with pytest.raises(InputError, match=r"log\.csv has accelerations but no angular rates"):
         files_of([tmp_path], {})
+
+
+def test_a_header_behind_a_mark_may_have_commas_above_numbers_with_blanks(tmp_path):
+    path = tmp_path / "merged.txt"
+    path.write_text("### utcPosix,accX,accY,accZ,gyroX,gyroY,gyroZ\n" + "1.5 0 0 9.8 0 0 0\n" * 3)
+    opening = text_head.open_text(path, ReadHints())
+    assert opening.header == (1, ["utcPosix", *(f"{s}{x}" for s in ("acc", "gyro") for x in "XYZ")])
+    assert names_of(path)[1:] == ["ax", "ay", "az", "gx", "gy", "gz"]
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "kept"),
+    [
+        ("1715966000123", "811020", "timestamp"),
+        ("1715966000", "811020", "imu_ms"),  # of whole seconds the counter is finer
+        ("811020", "1715966000.25", "imu_ms"),
+    ],
+)
+def test_of_unix_time_and_a_counter_the_former_is_the_clock_unless_it_is_coarse(first, second, kept, tmp_path):
+    head = ["id", "timestamp", "imu_ms", "ax", "ay", "az", "gx", "gy", "gz"]
+    path = tmp_path / "log.csv"
+    path.write_text(",".join(head) + f"\n1,{first},{second},0,0,1,0,0,0\n")
+    assert head[names_of(path).index("t")] == kept
+    assert names_of(path).count("t") == 1
+
+
+def test_a_time_that_is_none_gives_way_to_one_that_is(tmp_path):
+    path = tmp_path / "gps.csv"
+    path.write_text("UNIX_TIMESTAMP(ts)\ttime\tlat\tlon\n1715964782\t0000-00-00 00:00:00\t48.7\t9.1\n")
+    assert names_of(path) == ["t", None, "lat", "lon"]
+    path.write_text("time\tlat\tlon\n0000-00-00 00:00:00\t48.7\t9.1\n")
+    assert names_of(path) == ["t", "lat", "lon"]  # to be refused with its line
+
+
+def test_milliseconds_may_stand_behind_a_colon():
+    assert dates.unix_ns(["2021-12-22 21:09:46:250"])[0].tolist() == [SAME_INSTANT_NS + 250_000_000]
+
+
+def test_rows_before_there_is_a_time_are_left_out_and_counted(tmp_path):
+    stamps = ["nan"] * 3 + [f"2024-05-17T16:53:{k // 10:02d}.{k % 10}00Z" for k in range(40)]
+    rows = [f"{stamp},0,0,-9.8,0,0,0,{50 + 1e-5 * (k // 10):.6f},8,100" for k, stamp in enumerate(stamps)]
+    path = tmp_path / "flight.csv"
+    path.write_text("\n".join(["time,ax,ay,az,gx,gy,gz,lat,lon,h", *rows, ""]))
+    imu = read(path, units="m/s^2,rad/s", series="imu")
+    assert len(imu.imu) == 40
+    assert any("3 of 43 rows have no time" in note for note in imu.metadata.notes)
+    fixes = read(path, units="m/s^2,rad/s", series="gnss", sigma="1,1,1").gnss
+    assert fixes.t[-1] - fixes.t[0] == pytest.approx(3.0, abs=1e-9)  # rounding; the first fix has no time
+
+
+def test_folders_of_a_sensor_each_are_one_run(tmp_path):
+    for folder, text in (
+        ("imu_logs", "t,ax,ay,az,gx,gy,gz\n" + "0,0,0,1,0,0,0\n"),
+        ("gps_logs", "t,lat,lon\n0,50,8\n"),
+    ):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "a.csv").write_text(text)
+    assert names_in(tmp_path) == ["gps_logs/a.csv", "imu_logs/a.csv"]
+    (tmp_path / "gps_logs" / "b.csv").write_text("t,ax,ay,az,gx,gy,gz\n0,0,0,1,0,0,0\n")
+    assert names_in(tmp_path) == []  # each may be a run

@@ -120,7 +120,7 @@ _ENDINGS = {
     "mgauss": "mgauss",
 }  # fmt: skip
 _NO_UNITS = re.compile(
-    r"|wgs84|txt|utc|gmt|local|0?x[\da-f]+|[+-]?\d\d:\d\d|[+-]\d{4}"
+    r"|wgs84|txt|utc|gmt|local|ts|0?x[\da-f]+|[+-]?\d\d:\d\d|[+-]\d{4}"
 )  # what apps write in brackets besides
 _DEGREES = ("C", "°C", "degC")  # of a T that is a temperature for sure
 _LONGEST = 200  # characters of a name worth looking at

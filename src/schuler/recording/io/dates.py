@@ -12,7 +12,7 @@ from schuler.arrays import FloatArray, IntArray
 
 NS = 1_000_000_000
 _ISO = re.compile(
-    r"((?:19[89]|20\d)\d[-/]\d\d[-/]\d\d)[T ](\d\d:\d\d:\d\d)(?:[.,](\d+))?\s*(Z|UTC|([+-])(\d\d)(?::?(\d\d))?)?",
+    r"((?:19[89]|20\d)\d[-/]\d\d[-/]\d\d)[T ](\d\d:\d\d:\d\d)(?:[.,:](\d+))?\s*(Z|UTC|([+-])(\d\d)(?::?(\d\d))?)?",
     re.IGNORECASE,
 )
 

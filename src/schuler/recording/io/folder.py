@@ -22,6 +22,7 @@ from schuler.recording.series import ImuSeries
 
 #: Names of entries: the series, and the halves of an IMU whose sensors log to files of their own.
 PARTS = (*SERIES, *SATELLITES, "accel", "gyro")
+_FEW = 50  # files of a run that lie in folders of their own
 _SAME_TIME_S = 1e-6  # stamps of the two halves of an IMU are the same if they agree to this [s]
 
 
@@ -238,6 +239,8 @@ def names_in(path: Path) -> list[str]:
     entries = [p for p in sorted(path.iterdir()) if not p.name.startswith(".")]
     if len(entries) == 1 and entries[0].is_dir() and registry.find_folder(entries[0]) is None:
         return [f"{entries[0].name}/{name}" for name in names_in(entries[0])]  # a recorder's folder of the one run
+    if entries and all(map(Path.is_dir, entries)):
+        return _of_one_run(path, entries)
     names = []
     for file in filter(Path.is_file, entries):
         try:
@@ -245,6 +248,17 @@ def names_in(path: Path) -> list[str]:
         except FileFormatError:  # it may be none of the run's
             names.append(file.name)
     return names
+
+
+def _of_one_run(path: Path, folders: Sequence[Path]) -> list[str]:
+    """Files of folders that hold a sensor each, ``imu_logs`` beside ``gps_logs``; none if each may be a run."""
+    if any(registry.find_folder(folder) is not None for folder in folders):
+        return []
+    names = [f"{folder.name}/{name}" for folder in folders for name in names_in(folder)]
+    if len(names) > _FEW:
+        return []
+    held = [recognised(packed.resolved(path / name)) for name in names]
+    return names if sum("imu" in parts for parts in held) == 1 and len(held) > 1 else []
 
 
 def folders_in(path: Path) -> str:

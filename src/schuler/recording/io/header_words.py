@@ -80,7 +80,7 @@ _OTHERS = frozenset((
     "stddev", "var", "variance", "err", "error", "sd", "composite", "norm", "total", "magnitude", "angle", "angles",
     "euler", "roll", "pitch", "yaw", "cmd", "command", "setpoint", "target", "ref", "reference", "home", "accuracy",
     "uncertainty", "dop", "hdop", "vdop", "pdop", "fix", "status", "temp", "temperature", "delta",
-    "vertical", "direction", "gt", "truth", "true", "ekf", "filtered", "estimated", "fused", "ins",
+    "vertical", "direction", "gt", "truth", "true", "ekf", "kf", "filtered", "estimated", "est", "fused", "ins",
 ))  # fmt: skip
 _RATES = {"rad": "rad/s", "rads": "rad/s", "deg": "deg/s", "dps": "deg/s", "mdps": "mdps"}
 _TIME_UNITS = {"ms": "ms", "msec": "ms", "millis": "ms", "us": "us", "micros": "us", "ns": "ns", "s": "s", "sec": "s"}
@@ -168,6 +168,8 @@ def _sensor_and_axis(field: list[str], stem: str) -> tuple[tuple[str, ...], int]
         for letter, sensor in ((word[-1:], word[:-1]), (word[:1], word[1:])):  # accx, xacc
             if letter in _AXES and sensor in _SENSORS[stem]:
                 return (*field[:k], sensor, *field[k + 1 :]), _AXES[letter]
+        if k and k == len(field) - 1 and word[:1] == stem and word[1:] in _AXES:  # mpu_ax
+            return (*field[:k], stem), _AXES[word[1:]]
         axis = _AXES.get(word, int(word) if word in ("0", "1", "2") and k == len(field) - 1 else None)
         if axis is None:
             continue

@@ -38,8 +38,8 @@ def spread_with_all(opening: Opening, at: int, numbers: Sequence[int]) -> FloatA
     first = [fields[at] for _, fields in itertools.islice(opening.table.rows(), _LOOKED_AT) if len(fields) == width]
     if sum(a == b for a, b in itertools.pairwise(first)) < _HELD * len(first):
         return None
-    kept = [(number, fields) for number, fields in opening.table.rows() if len(fields) == width]
-    if lines.is_number(opening.fields[at]):
+    kept = [row for row in opening.table.rows() if len(row[1]) == width and _is_timed(row[1][at])]
+    if kept and lines.is_number(kept[0][1][at]):
         kept = [row for row in kept if lines.is_number(row[1][at])]
         t = np.array([float(fields[at]) for _, fields in kept])
     else:
@@ -57,10 +57,21 @@ def spread_with_all(opening: Opening, at: int, numbers: Sequence[int]) -> FloatA
     return np.array([moved.get(number, 0.0) for number in numbers])  # one that is no number is refused later
 
 
+def _is_timed(field: str) -> bool:
+    """Whether a field is a stamp, or what ought to be one: neither empty nor nan."""
+    return lines.is_number(field) or not lines.is_value(field)
+
+
 def dated_column(opening: Opening, chosen: dict[str, int]) -> int | None:
-    """Position of the time column if its stamps are dates or times of day."""
+    """Position of the time column if its stamps are dates or times of day; the first rows may have none."""
     k = chosen.get("t")
-    return k if k is not None and (dates.is_date(opening.fields[k]) or dates.is_clock(opening.fields[k])) else None
+    if k is None:
+        return None
+    field = opening.fields[k]
+    if not _is_timed(field):
+        rows = (fields for _, fields in itertools.islice(opening.table.rows(), _LOOKED_AT) if len(fields) > k)
+        field = next((row[k] for row in rows if _is_timed(row[k])), field)
+    return k if dates.is_date(field) or dates.is_clock(field) else None
 
 
 def stamps_of(opening: Opening, dated: int, rows: Iterable[list[str]]) -> list[str]:
@@ -72,7 +83,15 @@ def stamps_of(opening: Opening, dated: int, rows: Iterable[list[str]]) -> list[s
 
 
 def stamp(raw: Raw, hints: ReadHints, texts: list[str]) -> None:
-    """Make the time column of dates, on GPS time, or of times of day, on the log's own clock."""
+    """Make the time column of dates, on GPS time, or of times of day, on the log's own clock.
+
+    Rows without any, as those before a receiver has its time, are left out and counted.
+    """
+    timed = [k for k, text in enumerate(texts) if _is_timed(text)]
+    if 0 < len(timed) < len(texts):
+        raw.keep(np.array(timed))
+        raw.notes.append(f"{len(texts) - len(timed)} of {len(texts)} rows have no time and were left out.")
+        texts = [texts[k] for k in timed]
     if dates.is_clock(texts[0]):
         raw.values["t"], bad = dates.seconds_of_day(texts)
         raw.stated["t"] = "s"

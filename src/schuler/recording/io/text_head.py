@@ -21,6 +21,7 @@ _COMMENTS = ("#", "%", "//")
 _BANNER = 20  # lines of words above the first numbers that a logger may write
 _LEAST_NS = 1e17  # of a stamp since 1970 in nanoseconds
 _UNIX_S = (1e9, 2.1e9)  # the years 2001 to 2036
+_WHOLE = re.compile(r"\d{10}(\.0*)?")  # seconds since 1970
 _DECIMALS = re.compile(r":\d\d[.,]\d")
 _LOOKED_AT = 100  # rows in which a decimal comma shows
 #: How columns are said where no header tells them.
@@ -193,7 +194,13 @@ def columns_of(opening: Opening) -> list[tuple[str, str | None] | None]:
     A lone date is the time whatever it is called, unless another column is surely it.
     """
     names = [] if opening.header is None else opening.header[1]
-    read = _without_decimals(columns.recognise_all(names), opening)
+    read = columns.recognise_all(names)
+    if len(read) == len(opening.fields):  # 0000-00-00 is a time by its name alone
+        called = [k for k, column in enumerate(read) if column is not None and column[0] == "t"]
+        if empty := [k for k in called if not _is_entry(opening.fields[k])]:
+            others = columns.recognise_all(["" if k in empty else name for k, name in enumerate(names)])
+            read = others if any(column is not None and column[0] == "t" for column in others) else read
+    read = _without_decimals(read, opening)
     clock = next((k for k, column in enumerate(read) if column is not None and column[0] == "t"), None)
     if clock is not None and columns.recognise(names[clock]) is None and columns.unit_in(names[clock]) is None:
         dated = [k for k, field in enumerate(opening.fields) if dates.is_date(field)]
@@ -208,20 +215,24 @@ def columns_of(opening: Opening) -> list[tuple[str, str | None] | None]:
 
 
 def _of_one_instant(read: list[tuple[str, str | None] | None], opening: Opening) -> list[tuple[str, str | None] | None]:
-    """Columns with one of a date and the same as Unix time beside it: the date, unless it is of whole seconds."""
+    """Columns with one of two times: a date, or Unix time beside a counter, where it is finer than seconds."""
     times = [k for k, column in enumerate(read) if column is not None and column[0] == "t"]
     if len(times) != 2 or len(read) != len(opening.fields):
         return read
-    dated = [k for k in times if dates.is_date(opening.fields[k])]
-    since = [k for k in times if lines.is_number(opening.fields[k]) and _is_unix(float(opening.fields[k]))]
-    if len(dated) != 1 or len(since) != 1:
+    fields = [opening.fields[k] for k in times]
+    dated = [dates.is_date(field) for field in fields]
+    absolute = [is_date or _is_unix(field) for is_date, field in zip(dated, fields, strict=True)]
+    if not any(absolute) or not all(a or lines.is_number(field) for a, field in zip(absolute, fields, strict=True)):
         return read
-    dropped = since[0] if _DECIMALS.search(opening.fields[dated[0]]) else dated[0]
-    return [None if k == dropped else column for k, column in enumerate(read)]
+    first = dated.index(True) if any(dated) else absolute.index(True)
+    whole = _WHOLE.fullmatch(fields[first]) if lines.is_number(fields[first]) else not _DECIMALS.search(fields[first])
+    kept = times[1 - first if whole else first]
+    return [None if k in times and k != kept else column for k, column in enumerate(read)]
 
 
-def _is_unix(stamp: float) -> bool:
-    """Whether a stamp is of this century in seconds or a thousandth, millionth, billionth of one."""
+def _is_unix(field: str) -> bool:
+    """Whether a field is a time of this century in seconds or a thousandth, millionth, billionth of one."""
+    stamp = float(field) if lines.is_number(field) else 0.0
     return any(_UNIX_S[0] <= stamp * second <= _UNIX_S[1] for second in (1.0, 1e-3, 1e-6, 1e-9))
 
 
@@ -286,9 +297,10 @@ def _commented_header(
 ) -> tuple[int, list[str]] | None:
     """A header behind a comment mark: the last comment with as many fields as the rows and none of them a number."""
     for number, text in reversed(comments):
-        names = replace(table, comment="\n").split(text.lstrip("#%/ \t"))
-        if len(names) == len(fields) and not any(map(lines.is_number, names)):
-            return (number, names) if _names_columns(names) else None
+        for delimiter in dict.fromkeys((table.delimiter, *",;\t")):  # numpy's header beside numbers with blanks
+            names = replace(table, comment="\n", delimiter=delimiter).split(text.lstrip("#%/ \t"))
+            if len(names) == len(fields) and not any(map(lines.is_number, names)):
+                return (number, names) if _names_columns(names) else None
     return None
 
 

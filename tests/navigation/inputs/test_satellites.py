@@ -330,7 +330,9 @@ def test_what_is_missing_is_named(case, clean):
         satellites(other_week, config, [])
     with pytest.raises(InputError, match="no range is usable"):
         satellites(case.recording(replace(clean, reason=np.full(len(clean), 2))), config, [])
-    with pytest.raises(InputError, match="at most 3 satellites were usable"):
+    with pytest.raises(InputError, match="none has a pseudorange: log the receiver's codes"):
+        satellites(case.recording(replace(clean, pseudorange=np.full(len(clean), np.nan))), config, [])
+    with pytest.raises(InputError, match="at most 3 satellites were usable; check systems"):
         satellites(case.recording(limited(clean, 1, 3)), config, [])
 
 

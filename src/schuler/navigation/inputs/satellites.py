@@ -122,7 +122,12 @@ def satellites(recording: Recording, config: NavigationConfig, notes: list[str])
     if not solution.ok.any():
         raise InputError(
             "no epoch has a single-point solution to start from: "
-            f"at most {int(solution.n_used.max())} satellites were usable; check systems, masks and ephemerides"
+            f"at most {int(solution.n_used.max())} satellites were usable; "
+            + (
+                "check systems, masks and ephemerides"
+                if np.isfinite(ranges.pseudorange[ranges.used]).any()
+                else "none has a pseudorange: log the receiver's codes (RINEX types C), too"
+            )
         )
     lasting, noise = None, None
     if section.carrier_sigma_m == "log":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import re
 from collections.abc import Sequence
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from schuler.arrays import FloatArray
+from schuler.arrays import BoolArray, FloatArray
 from schuler.exceptions import SchulerError
 from schuler.proposal import arrays
 from schuler.recording.io import columns, dates, header_words, lines, text_head
@@ -356,22 +357,42 @@ def _numbers(path: Path, needed: Sequence[int] | None = None) -> FloatArray | No
     if path.suffix.lower() in (".npy", ".npz", ".mat"):
         whole = arrays.array(path)
         return None if whole is None else whole[:_ROWS]
+    state = path.stat()
+    rows = _first_rows(path, state.st_mtime_ns, state.st_size)
+    if rows is None:
+        return None
+    width = len(rows)
+    used = list(range(width)) if needed is None else [k for k in needed if 0 <= k < width]
+    values = np.full((len(rows[0]), width), np.nan)  # words in a column that is not needed say nothing of the others
+    for k in used:
+        values[:, k] = _numbers_in(path, state.st_mtime_ns, state.st_size, k)
+    sound: BoolArray = np.isfinite(values[:, used]).all(axis=1)
+    return values[sound]
+
+
+@functools.lru_cache(maxsize=1)
+def _first_rows(path: Path, _changed_ns: int, _size: int) -> list[tuple[str, ...]] | None:
+    """Fields of the first rows of a text table by column, kept for one file: it is asked for many columns in turn."""
     try:
         opening = text_head.open_text(path, ReadHints())
     except SchulerError:
         return None
     width = len(opening.fields)
-    used = list(range(width)) if needed is None else [k for k in needed if 0 <= k < width]
-    rows: list[list[str]] = []
-    for _, fields in itertools.islice(opening.table.rows(), _ROWS):
-        if len(fields) == width:
-            row = ["nan"] * width  # words in a column that is not needed say nothing of the others
-            for k in used:
-                row[k] = (_seconds(fields[k]) if _is_stamp(fields[k]) else fields[k]) or "nan"
-            rows.append(row)
-    rows = [row for row in rows if all(lines.is_value(row[k]) for k in used)]
-    values = np.array(rows, dtype=np.float64) if rows else np.empty((0, width))
-    return values[np.isfinite(values[:, used]).all(axis=1)]
+    rows = [fields for _, fields in itertools.islice(opening.table.rows(), _ROWS) if len(fields) == width]
+    return list(zip(*rows, strict=True)) if rows else [()] * width
+
+
+@functools.lru_cache(maxsize=64)
+def _numbers_in(path: Path, changed_ns: int, size: int, k: int) -> FloatArray:
+    """Column ``k`` of the first rows, NaN for what is no number."""
+    rows = _first_rows(path, changed_ns, size)
+    assert rows is not None
+    values = np.full(len(rows[k]), np.nan)
+    for row, field in enumerate(rows[k]):
+        number = field if lines.is_number(field) else _seconds(field) if _is_stamp(field) else ""
+        if lines.is_number(number):
+            values[row] = float(number)
+    return values
 
 
 def _is_stamp(field: str) -> bool:

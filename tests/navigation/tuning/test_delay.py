@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 
 from schuler.filtering.measurements import VELOCITY
+from schuler.filtering.states import StateLayout
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.consistency import state_errors
 from schuler.navigation.evaluation.evaluated import evaluate_run
+from schuler.navigation.evaluation.evidence import _budgets
 from schuler.navigation.run import navigate, prepared_run
+from schuler.navigation.tuning import delay
 from schuler.navigation.tuning.automatic import STATED_NOISE
 from schuler.navigation.tuning.delay import (
     DELAY_ESTIMATED,
@@ -120,6 +123,7 @@ def test_an_offset_beside_a_lever_arm():
     assert abs(result.fixes_later_s + 0.3) < 4.0 * float(result.sigma("delay")[-1, 0]) + 0.002
     error, sigma = result.parameter("lever")[-1] - lever, result.sigma("lever")[-1]
     assert np.all(np.abs(error[:2]) < 4.0 * sigma[:2])  # statistical; down trades against height
+    assert result.verdict.status == "ok"
 
 
 def late_velocities(log, lateness):
@@ -203,6 +207,44 @@ def test_the_evidence_of_a_run_does_not_depend_on_the_clock_it_is_told_on():
 @pytest.mark.campaign
 def test_no_offset_is_noted_where_velocities_are_late():
     assert note_of(navigate(late_velocities(drive(), 0.13), asked())) is None
+
+
+def parabola(*places, sigma=0.02):
+    """Losses of runs whose fixes are likeliest later by one of these times. [s]"""
+    return lambda laters, prepare, noises: np.min([0.5 * ((laters - at) / sigma) ** 2 for at in places], axis=0)
+
+
+@pytest.mark.parametrize("at", [0.0, -0.1, -0.17, 0.73])
+def test_the_likeliest_offset_is_found_from_several_places(monkeypatch, at):
+    """Law: the minimum of a parabola and its width, with the 10 ms that the filter leaves; 0.73 s is beyond the first
+    set."""
+    monkeypatch.setattr(delay, "_losses", parabola(at))
+    offset = delay.likeliest_offset(None)
+    assert abs(offset.later_s - at) < 1e-9  # rounding
+    assert abs(offset.sigma_s - np.hypot(0.02, 0.01)) < 1e-5  # what is left of other optima
+    assert offset.is_apart == (at != 0.0)
+    near = delay.offset_near(at + 0.05, None)
+    assert abs(near.later_s - at) < 1e-9
+
+
+def test_an_offset_is_as_uncertain_as_others_that_are_as_likely(monkeypatch):
+    monkeypatch.setattr(delay, "_losses", parabola(-0.2, 0.2))
+    offset = delay.likeliest_offset(None)
+    assert offset.sigma_s > 0.2
+    assert not offset.is_apart
+    monkeypatch.setattr(delay, "_losses", lambda laters, prepare, noises: np.abs(laters - 0.2) - (laters == 0.2))
+    assert abs(delay.likeliest_offset(None).later_s - 0.2) < 1e-9
+
+
+def test_an_offset_that_was_searched_for_is_within_what_the_search_allows():
+    result = navigate(
+        drive(-0.4).between(0.0, 30.0), asked(gnss={"delay_sigma_s": 0.3}, filter={"smooth": False, "tune": False})
+    )
+    model = result.layout.models["delay"]
+    result = replace(result, layout=StateLayout({**result.layout.models, "delay": replace(model, sigma=0.01)}))
+    assert any(finding.key == "budget delay" for finding in _budgets(result))
+    result = replace(result, provenance={**result.provenance, "fixes_moved_s": 0.4})
+    assert not any(finding.key == "budget delay" for finding in _budgets(result))
 
 
 def test_a_note_states_the_offset_with_the_other_sign():

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from schuler.exceptions import InputError
+from schuler.filtering.measurements import VELOCITY
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.imu_noise import NO_NOISE
 from schuler.navigation.run import navigate, prepared_run
 from schuler.navigation.tuning import automatic, rough
 from schuler.navigation.tuning.automatic import Supported
+from schuler.navigation.tuning.delay import Offset, offset_left
 from schuler.navigation.tuning.lever import LEVER_ESTIMATED
 from schuler.navigation.tuning.noise import WHITE, with_factors
 from schuler.navigation.tuning.rough import Rough, rough_factor, rough_note, with_rough_noise
@@ -120,9 +123,31 @@ def test_noise_without_a_lever_arm_is_not_said_where_one_is_estimated(plain, mon
     )
     monkeypatch.setattr(automatic, "tune", lambda run, aligned: next(tunings))
     monkeypatch.setattr(automatic, "has_lever", lambda before, after: True)
+    offset = Offset(0.02, 0.1)
+    monkeypatch.setattr(automatic, "likeliest_offset", lambda prepare: offset)
     notes = automatic._tuned(plain, lambda config, later: plain.run, aligned=True).notes
-    assert notes[:2] == ["of the start", LEVER_ESTIMATED]
-    assert [note.split(" from")[0] for note in notes[2:]] == ["noise tuned"]
+    assert notes[:3] == ["of the start", LEVER_ESTIMATED, offset_left(offset)]
+    assert [note.split(" from")[0] for note in notes[3:]] == ["noise tuned"]
+
+
+def test_beside_a_lever_arm_an_offset_that_is_likely_is_estimated_too(plain, monkeypatch):
+    """Positions alone: an antenna behind and stamps that are late look alike."""
+    monkeypatch.setattr(automatic, "tune", lambda run, aligned: WILD)
+    monkeypatch.setattr(automatic, "has_lever", lambda before, after: True)
+    monkeypatch.setattr(automatic, "likeliest_offset", lambda prepare: Offset(-0.2, 0.03))
+    monkeypatch.setattr(automatic, "offset_near", lambda later, prepare: Offset(-0.21, 0.02))
+
+    def prepared_at(config, later):
+        return replace(plain.run, fixes_later_s=later)
+
+    found = automatic._tuned(plain, prepared_at, aligned=True)
+    assert (found.run.fixes_later_s, found.config.gnss.delay_sigma_s) == (-0.21, 0.02)
+    assert found.config.gnss.lever_sigma_m > 0.0
+    schedule = plain.run.schedule
+    kind = np.where(np.arange(len(schedule)) % 2 == 0, VELOCITY, schedule.kind)
+    with_velocities = replace(plain.run, schedule=replace(schedule, kind=kind))
+    told = automatic._tuned(plain, lambda config, later: with_velocities, aligned=True)
+    assert told.config.gnss.delay_sigma_s == 0.0
 
 
 @pytest.mark.parametrize("fits", [True, False])

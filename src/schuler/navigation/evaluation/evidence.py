@@ -52,6 +52,7 @@ _ENLARGED = 16.0  # factor on 1-sigma by which a run may have enlarged the noise
 _ENLARGED_GNSS = 2.0  # the same of fixes, of which half of the solution is made
 _AFTER_PAUSE = 4.0  # mean normalised square of the first fixes after pauses: errors are twice what is claimed
 _HALVES = (6.0, 12.0, 20.0)  # difference of two estimates of one parameter, in sigmas of that difference
+_SEARCHED_S = 0.3  # offset of stamps that is none too many for a search [s]
 BUDGET = (5.0, 10.0)  # an estimate beyond so many of its sigmas stated beforehand
 _IMPOSSIBLE = {"b_a": 1.0, "b_g": 0.1}  # biases that no unit has whose budget does not say so [m/s^2], [rad/s]
 _HEADING_DEG = 25.0  # 1-sigma of the attitude beyond which errors are not small angles
@@ -321,6 +322,8 @@ def _budgets(result: NavigationResult) -> Iterator[Finding]:
         # a calibration starts away from zero
         moved = value[-1] - (value[0] if "calibration" in result.provenance else 0.0)
         allowed = model.sigma if model.tau is None else np.hypot(model.sigma, model.noise * np.sqrt(0.5 * model.tau))
+        if block == "delay" and result.fixes_moved_s != 0.0:  # searched for wider than the run may change it
+            allowed = max(allowed, _SEARCHED_S)
         i = int(np.argmax(np.abs(moved)))
         size = float(np.abs(moved[i])) / max(float(allowed), 1e-300)
         if size <= BUDGET[0] or np.abs(moved[i]) < 3.0 * sigma[i]:

@@ -6,15 +6,22 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple, TypeAlias
 
+import numpy as np
+
+from schuler.filtering.measurements import VELOCITY
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.tuning.delay import (
+    Offset,
     evidences,
     is_apart,
     is_borne_out,
     is_same,
     is_suspected,
+    likeliest_offset,
     may_have_delay,
+    offset_left,
+    offset_near,
     placed,
     with_delay,
 )
@@ -110,7 +117,8 @@ def _with_delay(plain: Supported, prepare: Prepare, doubted: bool, own_start: bo
         if config.filter.tune == "auto" and config.noise_is_stated:
             return None
         chosen = _tuned(likeliest, prepare, aligned=True)
-    chosen = _placed(chosen, prepare)
+    beside = not config.lever_is_stated and chosen.config.gnss.lever_sigma_m > 0.0
+    chosen = _placed_beside_lever(chosen, prepare) if beside else _placed(chosen, prepare)
     if own_start:
         chosen = _from_supported_start(chosen)
     return chosen if is_same(likeliest.run, chosen.run) and is_apart(chosen.run) and is_borne_out(chosen.run) else None
@@ -127,13 +135,27 @@ def _likeliest_with_delay(plain: Supported, free: Supported, prepare: Prepare) -
     if plain.config.lever_is_stated:
         before, after = evidences([plain.run, free.run])
         return free if proven(before.innovations, after.innovations) else None
-    arm, both = with_lever(plain.config), with_lever(free.config)
-    other = Supported(both, prepare(both, free.run.fixes_later_s), [LEVER_ESTIMATED])
+    arm = with_lever(plain.config)
+    offset = likeliest_offset(partial(prepare, arm))
+    other = _beside_lever(Supported(arm, plain.run, [LEVER_ESTIMATED]), prepare, offset)
     without, with_arm, one, two = evidences([plain.run, prepare(arm, 0.0), free.run, other.run])
     before = min(without, with_arm, key=lambda evidence: evidence.loss)
     if proven(one.innovations, two.innovations):
-        free, one = _placed(other, prepare, two.factors), two
+        free, one = other, two
     return free if proven(before.innovations, one.innovations) else None
+
+
+def _beside_lever(given: Supported, prepare: Prepare, offset: Offset) -> Supported:
+    """The run with a time offset beside a lever arm, begun at the likeliest offset and as sure of it as its fixes."""
+    config = with_delay(given.config, offset.sigma_s)
+    return given._replace(config=config, run=prepare(config, offset.later_s))
+
+
+def _placed_beside_lever(given: Supported, prepare: Prepare) -> Supported:
+    """The run at the offset that is likeliest with its noise, beside a lever arm."""
+    fixed = given.config.model_copy(update={"gnss": given.config.gnss.model_copy(update={"delay_sigma_s": 0.0})})
+    offset = offset_near(given.run.fixes_later_s, partial(prepare, fixed))
+    return _beside_lever(given._replace(config=fixed), prepare, offset)
 
 
 def _from_supported_start(given: Supported) -> Supported:
@@ -167,7 +189,11 @@ def _placed(given: Supported, prepare: Prepare, factors: dict[str, float] | None
 
 
 def _tuned(given: Supported, prepare: Prepare, aligned: bool) -> Supported:
-    """The run with noise tuned, and with a lever arm if its fixes show one that nobody stated."""
+    """The run with noise tuned, and with a lever arm if its fixes show one that nobody stated.
+
+    An antenna behind and late stamps look alike: where fixes have no velocities that tell them apart, an offset that
+    is likely beside the lever arm is estimated with it.
+    """
     tuned = _with_noise(given, prepare, aligned)
     if not aligned or tuned.config.gnss.coupling != "loose" or tuned.config.lever_is_stated:
         return tuned
@@ -175,7 +201,14 @@ def _tuned(given: Supported, prepare: Prepare, aligned: bool) -> Supported:
     free = prepare(other, tuned.run.fixes_later_s)
     if not has_lever(tuned.run, free):
         return tuned
-    return _with_noise(Supported(other, free, [*given.notes, LEVER_ESTIMATED]), prepare, aligned)
+    with_arm = Supported(other, free, [*given.notes, LEVER_ESTIMATED])
+    if may_have_delay(other, free) and not np.any(free.schedule.kind == VELOCITY):
+        offset = likeliest_offset(partial(prepare, other))
+        if offset.is_apart:
+            with_both = _with_noise(_beside_lever(with_arm, prepare, offset), prepare, aligned)
+            return _placed_beside_lever(with_both, prepare)
+        with_arm.notes.append(offset_left(offset))
+    return _with_noise(with_arm, prepare, aligned)
 
 
 def _with_noise(given: Supported, prepare: Prepare, aligned: bool) -> Supported:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from schuler.arrays import FloatArray
 from schuler.filtering.engine import ForwardRun, unpack_symmetric
 from schuler.filtering.measurements import POSITION, VELOCITY
 from schuler.navigation.config import NavigationConfig
@@ -20,6 +21,9 @@ from schuler.navigation.tuning.tuning import first_part, fixes_of
 from schuler.timebase import SAME_TIME
 
 _SIGMA_S = 0.3
+_STARTS_S = (-0.4, -0.2, 0.0, 0.2, 0.4)  # offsets that the search begins at
+_LIKELY = 3.0  # 1-sigma by which one beside a lever arm is estimated with it
+_CLOSE_S = 0.06  # between those of its second set
 # Factors on the IMU's white noise and on sigmas of fixes that an offset is judged beside, since noise as stated may be
 # too small, and noise tuned without the offset has taken it in.
 _NOISES = [
@@ -40,9 +44,9 @@ _BORNE_OUT = 3.0  # log likelihood by which positions alone favour the offset ov
 DELAY_ESTIMATED = "GNSS stamps"
 
 
-def with_delay(config: NavigationConfig) -> NavigationConfig:
+def with_delay(config: NavigationConfig, sigma_s: float = _SIGMA_S) -> NavigationConfig:
     """The configuration with a time offset of GNSS stamps that is estimated."""
-    return config.model_copy(update={"gnss": config.gnss.model_copy(update={"delay_sigma_s": _SIGMA_S})})
+    return config.model_copy(update={"gnss": config.gnss.model_copy(update={"delay_sigma_s": sigma_s})})
 
 
 def may_have_delay(config: NavigationConfig, prepared: PreparedRun) -> bool:
@@ -63,13 +67,15 @@ class Evidence(NamedTuple):
         return _loss(self.innovations)
 
 
-def evidences(runs: Sequence[PreparedRun]) -> list[Evidence]:
+def evidences(runs: Sequence[PreparedRun], noises: Sequence[Mapping[str, float]] = tuple(_NOISES)) -> list[Evidence]:
     """Evidence of several models of one log.
 
     Parameters
     ----------
     runs : sequence of PreparedRun
         Of the same measurements; fixes may be taken later than their stamps.
+    noises : sequence of mapping
+        Factors on the noise of each, of which the likeliest counts.
 
     Notes
     -----
@@ -79,9 +85,77 @@ def evidences(runs: Sequence[PreparedRun]) -> list[Evidence]:
     runs = _alike([_on_stamps(with_smoothed_start(first_part(run))) for run in runs])
     judge = residuals_of(trials(runs[0], fixes_of(runs[0]), phases=1))
     return [
-        min((Evidence(judge(with_factors(run, f)), f) for f in _NOISES), key=lambda evidence: evidence.loss)
+        min((Evidence(judge(with_factors(run, f)), dict(f)) for f in noises), key=lambda evidence: evidence.loss)
         for run in runs
     ]
+
+
+class Offset(NamedTuple):
+    """Time by which fixes are likeliest to be later than their stamps, and its 1-sigma. [s]"""
+
+    later_s: float
+    sigma_s: float
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether it is far from zero."""
+        return abs(self.later_s) > _LIKELY * self.sigma_s
+
+
+def likeliest_offset(prepare: Callable[[float], PreparedRun]) -> Offset:
+    """Time offset of fixes at which they are likeliest, searched from several places.
+
+    Parameters
+    ----------
+    prepare : callable
+        Makes the run ready with fixes so much later, without an offset that is estimated. [s]
+
+    Notes
+    -----
+    A filter that estimates the offset, above all beside a lever arm, stays near where it began: what its first seconds
+    make of attitude and velocity it takes for known. Runs with fixes moved by a few offsets have a likelihood each;
+    a parabola through the best of them begins a second, closer set. The 1-sigma has the curvature of the likelihood
+    and the offsets of the first set that it does not exclude.
+    """
+    coarse = np.array(_STARTS_S)
+    losses = _losses(coarse, prepare, _NOISES)
+    best = int(np.argmin(losses))
+    while best in (0, len(coarse) - 1) and abs(coarse[best]) < _MOST_S:
+        coarse = coarse[best] + np.array(_STARTS_S)
+        losses = _losses(coarse, prepare, _NOISES)
+        best = int(np.argmin(losses))
+    best = int(np.clip(best, 1, len(coarse) - 2))
+    weight = np.exp(-np.minimum(losses - losses[best], 700.0))
+    weight[[best - 1, best + 1]] = 0.0  # the parabola has those beside it
+    apart = float(np.sum(weight * (coarse - coarse[best]) ** 2) / np.sum(weight))
+    near = offset_near(_vertex(coarse, losses)[0], prepare, _NOISES)
+    return Offset(near.later_s, float(np.hypot(near.sigma_s, np.sqrt(apart))))
+
+
+def offset_near(
+    later_s: float, prepare: Callable[[float], PreparedRun], noises: Sequence[Mapping[str, float]] = ({},)
+) -> Offset:
+    """Time offset of fixes at which they are likeliest, near another; see :func:`likeliest_offset`. [s]"""
+    close = later_s + _CLOSE_S * np.array([-1.0, 0.0, 1.0])
+    later, curvature = _vertex(close, _losses(close, prepare, noises))
+    return Offset(later, float(np.hypot(_LEFT_S, curvature**-0.5)))
+
+
+def _losses(
+    laters: FloatArray, prepare: Callable[[float], PreparedRun], noises: Sequence[Mapping[str, float]]
+) -> FloatArray:
+    """Negative log likelihood of fixes that are later by so much; differences count."""
+    return np.array([evidence.loss for evidence in evidences([prepare(float(later)) for later in laters], noises)])
+
+
+def _vertex(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """Minimum of the parabola through the smallest of equidistant points and its neighbours, and its curvature."""
+    k = int(np.clip(np.argmin(y), 1, len(x) - 2))
+    step = x[k + 1] - x[k]
+    slope, curvature = (y[k + 1] - y[k - 1]) / (2.0 * step), (y[k + 1] - 2.0 * y[k] + y[k - 1]) / step**2
+    if not (np.isfinite(slope) and curvature > 0.0):
+        return float(x[int(np.argmin(y))]), float(step**-2)
+    return float(x[k] - np.clip(slope / curvature, -step, step)), float(curvature)
 
 
 def _on_stamps(run: PreparedRun) -> PreparedRun:
@@ -199,4 +273,12 @@ def delay_note(delay: float, sigma: float) -> str:
         f"{DELAY_ESTIMATED} are {abs(delay):.3f} +- {sigma:.3f} s {side} against the IMU's, which nobody stated: the "
         f"offset is estimated, and the solution has the IMU's times; imu.clock_shift_s = {-delay:.3f} states it and "
         "gives those of GNSS"
+    )
+
+
+def offset_left(offset: Offset) -> str:
+    """Sentence on what an offset of stamps that is not estimated may make of a lever arm that is."""
+    return (
+        "positions hardly tell that lever arm from an offset of their stamps, which is taken for zero: they allow "
+        f"{offset.later_s:+.2f} +- {offset.sigma_s:.2f} s, and the lever arm is off by the way travelled in that time"
     )

@@ -140,14 +140,14 @@ def test_beside_a_lever_arm_an_offset_that_is_likely_is_estimated_too(plain, mon
     def prepared_at(config, later):
         return replace(plain.run, fixes_later_s=later)
 
-    found = automatic._tuned(plain, prepared_at, aligned=True)
-    assert (found.run.fixes_later_s, found.config.gnss.delay_sigma_s) == (-0.21, 0.02)
-    assert found.config.gnss.lever_sigma_m > 0.0
+    tuned = automatic._tuned(plain, prepared_at, aligned=True)
+    assert (tuned.run.fixes_later_s, tuned.config.gnss.delay_sigma_s) == (-0.21, 0.02)
+    assert tuned.config.gnss.lever_sigma_m > 0.0
     schedule = plain.run.schedule
     kind = np.where(np.arange(len(schedule)) % 2 == 0, VELOCITY, schedule.kind)
     with_velocities = replace(plain.run, schedule=replace(schedule, kind=kind))
-    told = automatic._tuned(plain, lambda config, later: with_velocities, aligned=True)
-    assert told.config.gnss.delay_sigma_s == 0.0
+    with_speed = automatic._tuned(plain, lambda config, later: with_velocities, aligned=True)
+    assert with_speed.config.gnss.delay_sigma_s == 0.0
 
 
 @pytest.mark.parametrize("fits", [True, False])

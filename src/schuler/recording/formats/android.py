@@ -248,9 +248,9 @@ def _table(
             raise ValueError("an IMU measures every axis")
         return ns, values
 
-    kept, found = android_raw.sound_records(path, kind, records, parse, notes)
-    table = np.array([row[1] for row in found], dtype=np.float64).reshape(len(found), len(required))
-    return kept, np.array([row[0] for row in found], dtype=np.int64), table
+    kept, parsed = android_raw.sound_records(path, kind, records, parse, notes)
+    table = np.array([row[1] for row in parsed], dtype=np.float64).reshape(len(parsed), len(required))
+    return kept, np.array([row[0] for row in parsed], dtype=np.int64), table
 
 
 def _unix(path: Path, records: Sequence[Sequence[str]], names: dict[str, list[str]]) -> IntArray:

@@ -125,7 +125,7 @@ def faulty(ranges, sat, start, stop, metres, rate=0.0):
 # --- one step at a time -----------------------------------------------------------------------------------------------
 
 
-def test_many_detours_are_left_out_by_the_epochs_around_them(clean):
+def test_many_detours_are_left_out_by_the_epochs_around_them(case, clean):
     """Five of thirteen satellites late by 25 to 65 m for 30 s: nearly all of them go, hardly another."""
     np.testing.assert_array_equal(without_detours(clean, []).reason, clean.reason)
     many, late = clean, np.zeros(len(clean), dtype=bool)
@@ -137,6 +137,11 @@ def test_many_detours_are_left_out_by_the_epochs_around_them(clean):
     assert kept.used[late & clean.used].mean() < 0.1
     assert kept.used[~late & clean.used].mean() > 0.99
     assert "suspected not to be in line of sight" in notes[-1]
+    for integrity in (True, False):
+        config = {"imu": {"catalogue": IMU}, "gnss": {"coupling": "tight", "tight": {"integrity": integrity}}}
+        of_run: list[str] = []
+        satellites(case.recording(many), NavigationConfig.parse(config), of_run)
+        assert (notes[-1] in of_run) == integrity
 
 
 def test_repeated_measurements_count_once(clean):

@@ -46,9 +46,7 @@ _WORST_NS = 500.0  # uncertainty of the time of transmission, as in Google's GPS
 _FARTHEST_NS = 150_000_000  # no satellite's signal takes as long; those at 36,000 km take 120 to 140 ms [ns]
 _BIAS_JUMP_NS = 5_000_000  # of the clock's bias between epochs; no oscillator drifts as much [ns]
 _DRIFT = 1e-4  # of a phone's clock at most
-_STRANGE_NS = (
-    10 * _NS
-)  # by which an epoch's GPS time and time since boot part where the phone did not know the time [ns]
+_STRANGE_NS = 10 * _NS  # between GPS time and time since boot, where the phone does not know the time yet [ns]
 _DAMAGED = 0.01  # share of a kind's records that may be no numbers: a log ends within one where the app was stopped
 #: Android's constellations, and what its satellites' numbers count from.
 _CONSTELLATIONS = {1: ("G", 0), 2: ("S", 100), 3: ("R", 0), 4: ("J", 192), 5: ("C", 0), 6: ("E", 0), 7: ("I", 0)}

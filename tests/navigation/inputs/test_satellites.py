@@ -34,7 +34,6 @@ from schuler.navigation.inputs.satellites import (
     with_sigmas,
     within_log,
     without_clock_jumps,
-    without_detours,
     without_faults,
 )
 from schuler.navigation.run import navigate
@@ -123,25 +122,6 @@ def faulty(ranges, sat, start, stop, metres, rate=0.0):
 
 
 # --- one step at a time -----------------------------------------------------------------------------------------------
-
-
-def test_many_detours_are_left_out_by_the_epochs_around_them(case, clean):
-    """Five of thirteen satellites late by 25 to 65 m for 30 s: nearly all of them go, hardly another."""
-    np.testing.assert_array_equal(without_detours(clean, []).reason, clean.reason)
-    many, late = clean, np.zeros(len(clean), dtype=bool)
-    for k, sat in enumerate(np.unique(clean.sat)[:5].tolist()):
-        many = faulty(many, sat, 40.0, 70.0, 25.0 + 10.0 * k)
-        late |= (clean.sat == sat) & (clean.t >= 40.0) & (clean.t < 70.0)
-    notes: list[str] = []
-    kept = without_detours(many, notes)
-    assert kept.used[late & clean.used].mean() < 0.1
-    assert kept.used[~late & clean.used].mean() > 0.99
-    assert "suspected not to be in line of sight" in notes[-1]
-    for integrity in (True, False):
-        config = {"imu": {"catalogue": IMU}, "gnss": {"coupling": "tight", "tight": {"integrity": integrity}}}
-        of_run: list[str] = []
-        satellites(case.recording(many), NavigationConfig.parse(config), of_run)
-        assert (notes[-1] in of_run) == integrity
 
 
 def test_repeated_measurements_count_once(clean):

@@ -22,7 +22,7 @@ from schuler.gnss.differences import date, listed_messages
 from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.observations import Observations
 from schuler.gnss.point import solve_points
-from schuler.gnss.point_result import LINKED, PointSolution
+from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import REASONS, Ranges
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.satellite_noise import inflate_sigmas
@@ -37,7 +37,6 @@ _SMALLEST_JUMP = 20.0  # of a receiver clock; what is less is its noise, which t
 _CLEAR_JUMP = 10.0  # times the usual scatter from epoch to epoch
 _LONGEST_GAP_S = 10.0  # over which a clock is expected to run on
 _START_SIGMA = 10.0  # of a position that ranges are to find anew [m]
-_DIRECT = 0.5  # probability from which a range counts as one in line of sight
 _LEAST_SIGMA = 0.003  # of a phase, by theory: a hundredth of a cycle, and multipath of a good antenna [m]
 _LASTING = 4  # epochs after which a jump must still be there; a bad solution is not
 
@@ -119,8 +118,6 @@ def satellites(recording: Recording, config: NavigationConfig, notes: list[str])
             begins = recording.observations.epoch_gps_s + float(recording.observations.t[0])
             why += f"; the log begins at {date(begins)} GPS, {listed_messages(recording.ephemerides)}"
         raise InputError(f"no range is usable: check systems, masks, ephemerides and the times of both files ({why})")
-    if section.integrity:
-        ranges = without_detours(ranges, notes)
     ranges, solution = screened(ranges, config, notes)
     if not solution.ok.any():
         raise InputError(
@@ -253,30 +250,6 @@ def with_sigmas(ranges: Ranges, notes: list[str]) -> Ranges:
             notes.append(f"{count} {text}")
         filled[name] = np.where(bad, value, sigma)
     return replace(ranges, sigma_range=filled["sigma_range"], sigma_rate=filled["sigma_rate"])
-
-
-def without_detours(ranges: Ranges, notes: list[str]) -> Ranges:
-    """Ranges less those that are late by the epochs around them, where one epoch alone cannot tell.
-
-    With many reflections the satellites of an epoch agree with several places: the filter would get them all, with
-    standard deviations enlarged to their scatter. Logs without such epochs stay as they are
-    (:mod:`schuler.gnss.linked`).
-    """
-    ranges = with_sigmas(once_each(ranges, notes), notes)
-    linked = solve_points(ranges)
-    late = (linked.status == LINKED)[linked.epoch] & ranges.used
-    late &= linked.excluded | (linked.weight < _DIRECT)
-    if not late.any():
-        return ranges
-    notes.append(
-        f"{int(late.sum())} ranges suspected not to be in line of sight, by the epochs around them, were left out with "
-        "their range rates"
-    )
-    return replace(
-        ranges,
-        reason=np.where(late, _EXCLUDED, ranges.reason),
-        range_rate=np.where(late, np.nan, ranges.range_rate),
-    )
 
 
 def without_faults(ranges: Ranges, solution: PointSolution, notes: list[str]) -> Ranges:

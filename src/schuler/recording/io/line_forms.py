@@ -370,7 +370,8 @@ def free_rows(path: Path) -> Iterator[tuple[str, Row]]:
             continue
         row, rest = _rest(text)
         numbers = _labelled(rest)
-        if any((column := columns.recognise(name)) is not None and column[0] == "t" for name in numbers):
+        clocks = [n for n in numbers if (c := columns.recognise(n)) is not None and c[0] == "t"]
+        if any(name.split()[0] != "T" for name in clocks):  # a T beside a stamp is a temperature
             row = {}  # when it arrived; the device's own is better
         grouped = _GROUP.search(rest[: number.start()]) if (number := _NUMBER.search(rest)) else None
         kind = " ".join(numbers) if grouped else _NUMBER.sub("", rest).strip()  # words of a state may change

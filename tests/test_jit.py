@@ -189,14 +189,14 @@ def test_what_is_wanted_later_is_compiled_meanwhile(tmp_path):
     script = (
         "import os; os.cpu_count = lambda: 2\n"
         f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
-        "import other, two; from schuler import jit\n"
+        "import other, two; from schuler import jit; from schuler.jit_beside import _waiting\n"
         "jit.prepare_beside('two:prepare_second', two.second)\n"
-        "assert list(jit._beside) == ['two:prepare_second']; beside = jit._beside['two:prepare_second']\n"
+        "assert list(_waiting) == ['two:prepare_second']; beside = _waiting['two:prepare_second']\n"
         "waited = []; beside.join = lambda join=beside.join: waited.append(join())\n"
         "other.prepare_second(); assert not waited\n"
         "two.prepare_second(); assert waited == [None]\n"
         "assert two.second(1.0) == 3.0 and sum(two.second.stats.cache_hits.values()) == 1\n"
-        "jit._beside.clear(); jit.prepare_beside('other:prepare_second', other.second); assert not jit._beside"
+        "_waiting.clear(); jit.prepare_beside('other:prepare_second', other.second); assert not _waiting"
     )
     in_a_process(["-c", script], tmp_path, 300.0)
 
@@ -227,6 +227,67 @@ def test_threads_that_prepare_together_start_one_process_which_may_outlive_this_
     """Without a word: one that was replaced by another's, or left at the end, was reported as still running."""
     (tmp_path / "two.py").write_text(TWO)
     assert in_a_process(["-W", "error::ResourceWarning", "-c", THREADS], tmp_path, 300.0) == ""
+
+
+PARTS = """
+import os, sys
+import numba as nb
+from schuler import jit
+
+@jit.borrowing
+def half(x):
+    return 0.5 * x
+
+@jit.borrowing
+def whole(x):
+    return half(x) + half(x)
+
+def parts():
+    return [(half, (nb.float64,))]
+
+def hand_over():
+    jit.compile_parts(parts())
+
+def fail_halfway():
+    sys.stdout.buffer.write((1000).to_bytes(8, "little") + b"x")
+
+def prepare_whole(beside):
+    jit.prepare([(whole, (nb.float64,))], beside=beside, parts=parts())
+"""
+COMPILED_HERE = """
+import os
+os.cpu_count = lambda: 2
+from schuler import jit
+here, compiled_part = [], jit._compiled_part
+def counted(kernel, args):
+    here.append(kernel.py_func.__name__)
+    return compiled_part(kernel, args)
+jit._compiled_part = counted
+"""
+
+
+@pytest.mark.thinned(3)
+@pytest.mark.parametrize(
+    ("beside", "here"), [("hand_over", []), ("fail_halfway", ["half"]), ("nothing_of_this_name", ["half"])]
+)
+def test_a_part_comes_from_another_process_or_is_compiled_here(tmp_path, beside, here):
+    (tmp_path / "two.py").write_text(PARTS)
+    script = (
+        f"{COMPILED_HERE}\nimport sys; sys.path.insert(0, {str(tmp_path)!r})\n"
+        f"import two; two.prepare_whole('two:{beside}'); assert here == {here}, here; assert two.whole(3.0) == 3.0"
+    )
+    in_a_process(["-c", script], tmp_path, 300.0)
+
+
+@pytest.mark.campaign
+def test_the_filter_takes_the_parts_that_are_compiled_beside_it(tmp_path):
+    """Their types are written in the process beside: others would be compiled twice, and nobody would notice."""
+    script = (
+        f"{COMPILED_HERE}\nfrom schuler.filtering.kernels import run\n"
+        "run.prepare_filter(); names = [part.py_func.__name__ for part, _ in run._parts()]\n"
+        "assert here and names and not set(here) & set(names), here"
+    )
+    in_a_process(["-c", script], tmp_path, 300.0)
 
 
 # ------------------------------------------------------------------------------- numbers and lanes, one cache
@@ -377,7 +438,7 @@ def test_a_flipped_byte_anywhere_in_an_entry_never_stops_a_run(doubled, tmp_path
 
 @pytest.mark.skipif(jit.fcntl is None, reason="no locks of files here")
 def test_a_process_that_is_stopped_while_it_compiles_holds_up_others_for_a_while(doubled, tmp_path, monkeypatch):
-    monkeypatch.setattr(jit, "_WAIT_FOR_ANOTHER_S", 0.2)
+    monkeypatch.setattr(jit, "WAIT_FOR_ANOTHER_S", 0.2)
     waited = []
     monkeypatch.setattr(time, "sleep", waited.append)
     with (tmp_path / "kernels.py").open("rb") as file:

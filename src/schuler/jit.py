@@ -14,13 +14,12 @@ import gc
 import glob
 import hashlib
 import multiprocessing
-import os
-import subprocess
+import pickle
 import sys
 import threading
 import time
 import types
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any, cast
 
@@ -30,13 +29,14 @@ import numba.core.codegen
 from numba.core.codegen import JITCodeLibrary
 from numba.extending import is_jitted
 
+from schuler.jit_beside import WAIT_FOR_ANOTHER_S, hand_over, part_from_beside, start_beside, wait_beside
+
 try:
     import fcntl
 except ImportError:  # Windows: each process compiles for itself
     fcntl = None  # type: ignore[assignment]
 
 _NOTICE_AFTER_S = 1.5
-_WAIT_FOR_ANOTHER_S = 60.0
 
 _core: Any = numba.core
 PLAIN: bool = bool(_core.config.DISABLE_JIT)  # NUMBA_DISABLE_JIT=1: kernels as plain Python, to step through
@@ -205,7 +205,7 @@ def _one_process_at_a_time(compiled: Any) -> Iterator[None]:
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):  # no source to be read, a file system without locks
             source = stack.enter_context(open(compiled.py_func.__code__.co_filename, "rb"))
-            until = time.monotonic() + _WAIT_FOR_ANOTHER_S
+            until = time.monotonic() + WAIT_FOR_ANOTHER_S
             while not _locked(source) and time.monotonic() < until:
                 time.sleep(0.05)
         yield
@@ -255,20 +255,52 @@ class _Part(JITCodeLibrary):
 
 def _part(compiled: Any, args: tuple[Any, ...]) -> tuple[Any, object]:
     """Signature of a helper and the key under which kernels find its LLVM code."""
+    with _core.compiler_lock.global_compiler_lock:
+        data = part_from_beside((compiled, args))
+        signature, description, code = _part_read(compiled, data) if data else _compiled_part(compiled, args)
+        key = object()
+        compiled.targetctx.insert_user_function(key, description, [code])
+    return signature, key
+
+
+def _compiled_part(compiled: Any, args: tuple[Any, ...]) -> tuple[Any, Any, _Part]:
+    """Signature, numba's description and LLVM code of a helper."""
     context = compiled.targetctx
     flags = _core.compiler.Flags()
     compiled.targetdescr.options.parse_as_flags(flags, compiled.targetoptions)
     flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
-    with _core.compiler_lock.global_compiler_lock:
-        code = cast(Any, _Part)(context.codegen(), compiled.py_func.__qualname__)
-        result = _core.compiler.compile_extra(
-            compiled.typingctx, context, compiled.py_func, args, None, flags, {}, library=code
-        )
-        if hasattr(compiled, "apart"):
-            code._final_module.get_function(result.fndesc.mangled_name).add_function_attribute("noinline")
-        key = object()
-        context.insert_user_function(key, result.fndesc, [code])
-    return result.signature, key
+    code = cast(Any, _Part)(context.codegen(), compiled.py_func.__qualname__)
+    result = _core.compiler.compile_extra(
+        compiled.typingctx, context, compiled.py_func, args, None, flags, {}, library=code
+    )
+    if hasattr(compiled, "apart"):
+        code._final_module.get_function(result.fndesc.mangled_name).add_function_attribute("noinline")
+    return result.signature, result.fndesc, code
+
+
+def _part_read(compiled: Any, data: bytes) -> tuple[Any, Any, _Part]:
+    """The same of a helper that another process has compiled."""
+    signature, description, bitcode = pickle.loads(data)  # noqa: S301 - of a process that this one began
+    code = cast(Any, _Part)(compiled.targetctx.codegen(), compiled.py_func.__qualname__)
+    code._final_module = cast(Any, llvmlite.binding).parse_bitcode(bitcode)
+    code._finalize_final_module()
+    return signature, description, code
+
+
+def compile_parts(parts: Iterable[tuple[Callable[..., Any], tuple[Any, ...]]]) -> None:
+    """Compile helpers of a kernel over states for the process that compiles the kernel itself and has begun this one.
+
+    Parameters
+    ----------
+    parts : iterable of (kernel, types)
+        As given to :func:`prepare` there.
+    """
+    for kernel, args in parts:
+        with _quick_compilation(unrolled=False):
+            signature, description, code = _compiled_part(kernel, args)
+            cast(Any, code)._ensure_finalized()
+        description.typemap = description.calltypes = None  # which numba does not keep on disk either
+        hand_over(_core.serialize.dumps((signature, description, code._final_module.as_bitcode())))
 
 
 def lane_version(function: Callable[..., Any], **helpers: Callable[..., Any]) -> Callable[..., Any]:
@@ -364,7 +396,11 @@ def direct(function: Callable[..., Any]) -> Callable[..., Any]:
     return overloads[0].entry_point if len(overloads) == 1 else function
 
 
-def prepare(kernels: Iterable[tuple[Callable[..., Any], tuple[Any, ...]]], beside: str | None = None) -> None:
+def prepare(
+    kernels: Iterable[tuple[Callable[..., Any], tuple[Any, ...]]],
+    beside: str | None = None,
+    parts: Sequence[tuple[Callable[..., Any], tuple[Any, ...]]] = (),
+) -> None:
     """Load or compile kernels for given argument types before the work starts.
 
     A first compilation takes some seconds; if it does, one line on the terminal says so, once.
@@ -376,6 +412,8 @@ def prepare(kernels: Iterable[tuple[Callable[..., Any], tuple[Any, ...]]], besid
     beside : str, optional
         ``module:function`` that prepares the kernels wanted next. If these have to be compiled, a process of its own
         does that for them meanwhile, on a second processor, and leaves them on disk.
+    parts : sequence of (kernel, types)
+        Helpers of these kernels which ``beside`` compiles first, in this order (:func:`compile_parts`).
     """
     pending = [(k, types) for k, types in kernels if is_jitted(k) and not cast(Any, k).signatures]
     if not pending:
@@ -385,11 +423,9 @@ def prepare(kernels: Iterable[tuple[Callable[..., Any], tuple[Any, ...]]], besid
     notice.start()
     modules = {k.__module__ for k, _ in pending}
     try:
-        for name, waiting in list(_beside.items()):
-            if name.partition(":")[0] in modules:
-                waiting.join()
+        wait_beside(modules)
         if beside is not None and not all(_on_disk(k) for k, _ in pending):
-            _compile_beside(beside)
+            start_beside(beside, parts)
         for k, types in pending:
             cast(Any, k).compile(types)
     finally:
@@ -408,10 +444,6 @@ def _on_disk(compiled: Any) -> bool:
         return False
 
 
-_beside: dict[str, threading.Thread] = {}  # which wait for a process; it may outlive this one
-_one_thread_starts = threading.Lock()
-
-
 def prepare_beside(name: str, kernel: Callable[..., Any]) -> None:
     """Have a kernel that is wanted later compiled meanwhile, unless it is on disk.
 
@@ -422,37 +454,7 @@ def prepare_beside(name: str, kernel: Callable[..., Any]) -> None:
     kernel : kernel
     """
     if is_jitted(kernel) and not cast(Any, kernel).signatures and not _on_disk(kernel):
-        _compile_beside(name)
-
-
-def _compile_beside(name: str) -> None:
-    """Start ``module:function`` in a process of its own, once; where it fails, this process compiles for itself."""
-    if os.cpu_count() == 1 or multiprocessing.parent_process() is not None:
-        return
-    with _one_thread_starts:
-        if name not in _beside:
-            waiting = threading.Thread(target=_compile_in_a_process, args=(name,), daemon=True)
-            waiting.start()
-            _beside[name] = waiting
-
-
-def _compile_in_a_process(name: str) -> None:
-    """Run ``module:function`` in a process of its own to its end."""
-    module, function = name.split(":")
-    with contextlib.suppress(OSError):
-        subprocess.run(  # noqa: S603 - this Python, a function of this package
-            # it ends at once: a search for cycles among what compiling made, and taking it down, is a second
-            [
-                sys.executable,
-                "-c",
-                f"import gc, os; gc.disable(); from {module} import {function}; {function}(); os._exit(0)",
-            ],
-            check=False,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
+        start_beside(name)
 
 
 def _say_compiling() -> None:

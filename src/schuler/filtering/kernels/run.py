@@ -6,6 +6,7 @@ in threads. Its arguments are tuples of arrays by what they are (:mod:`schuler.f
 
 from __future__ import annotations
 
+import functools
 import math
 
 from schuler.filtering.filter_arrays import (
@@ -41,7 +42,7 @@ from schuler.filtering.kernels.update import (
     ned_axes,
     reset,
 )
-from schuler.jit import apart, borrowing, inlined, prepare, prepare_beside
+from schuler.jit import apart, borrowing, compile_parts, inlined, prepare, prepare_beside
 from schuler.mechanization.kernels import advance_ecef, cut_interval, fit_interval
 
 # Running counts: intervals and samples since the last propagation, measurements, records, nodes, updates, outputs,
@@ -376,6 +377,41 @@ def prepare_filter() -> None:
     """Compile or load :func:`run_filter` before it is timed or run."""
     import numba as nb
 
+    f, c, km = nb.float64[::1], nb.float64[:, :, ::1], nb.int64[:, ::1]
+    prepare(
+        [(run_filter, _argument_types()), (spread_estimates, (f, km, nb.int64, c, f))],
+        beside="schuler.filtering.kernels.run:prepare_parts_and_smoother",
+        parts=_parts(),
+    )
+
+
+def prepare_parts_and_smoother() -> None:
+    """Compile what another process that prepares the filter wants: helpers of the filter first, then the smoother."""
+    from schuler.filtering.kernels.smoother import prepare_smoother
+
+    compile_parts(_parts())
+    prepare_smoother()
+
+
+@functools.cache
+def _parts():
+    """Helpers that are a third of the filter's compilation, and their types, in the order in which it comes to them."""
+    import numba as nb
+
+    x, i = nb.float64, nb.int64
+    f, m, k, km = x[::1], x[:, ::1], i[::1], i[:, ::1]
+    _, _, state, model, settings, work, *_ = _argument_types()
+    return [
+        (measurement_rows, (i, f, f, f, f, f, f, km, i, k, x, m, f, m)),
+        (judge, (i, x, x, i, x, f, settings, state, model, work)),
+    ]
+
+
+@functools.cache
+def _argument_types():
+    """Numba types of the arguments of :func:`run_filter`."""
+    import numba as nb
+
     x, i, yes = nb.float64, nb.int64, nb.boolean
     f, m, c = x[::1], x[:, ::1], x[:, :, ::1]
     k, km = i[::1], i[:, ::1]
@@ -383,25 +419,16 @@ def prepare_filter() -> None:
     def of(cls, *types):
         return nb.types.NamedTuple(types, cls)
 
-    prepare(
-        [
-            (
-                run_filter,
-                (
-                    of(ImuStream, m, m, f, f, yes),
-                    of(Aiding, f, k, m, m, m, f, k, f, m, m),
-                    of(FilterArrays, f, f, m, f, f, f, f, m, f, f, k, m, f, m, f),
-                    of(Model, km, m, k, k, f, f, i, yes, yes, yes, x),
-                    of(Settings, i, x, x, i, i, x, yes, x, x, x),
-                    of(Workspace, m, m, f, f, m, m, m, m, f, f, c, f, c, m, m, m, f, f, m, m, m, f, f),
-                    of(TrajectoryArrays, f, m, m, m),
-                    of(RecordArrays, f, m, m, m),
-                    of(NodeArrays, f, m, m, c, k, c, c, m),
-                ),
-            ),
-            (spread_estimates, (f, km, i, c, f)),
-        ],
-        beside="schuler.filtering.kernels.smoother:prepare_smoother",
+    return (
+        of(ImuStream, m, m, f, f, yes),
+        of(Aiding, f, k, m, m, m, f, k, f, m, m),
+        of(FilterArrays, f, f, m, f, f, f, f, m, f, f, k, m, f, m, f),
+        of(Model, km, m, k, k, f, f, i, yes, yes, yes, x),
+        of(Settings, i, x, x, i, i, x, yes, x, x, x),
+        of(Workspace, m, m, f, f, m, m, m, m, f, f, c, f, c, m, m, m, f, f, m, m, m, f, f),
+        of(TrajectoryArrays, f, m, m, m),
+        of(RecordArrays, f, m, m, m),
+        of(NodeArrays, f, m, m, c, k, c, c, m),
     )
 
 

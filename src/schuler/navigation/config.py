@@ -49,7 +49,7 @@ class ImuSection(Section):
     mount_rpy_deg: Triple = Field((0.0, 0.0, 0.0), description="attitude of the IMU axes in the vehicle: C_bs")
     clock_shift_s: float = Field(0.0, description="added to the IMU's time stamps")
     rate_order: Literal[1, 2, 3] = Field(2, description="rule that integrates rates: held, trapezoid, parabola")
-    max_gap_s: Positive = Field(2.0, description="longest pause of the log that is bridged; longer ones are refused")
+    max_gap_s: Positive = Field(2.0, description="longest pause of the log that is bridged; longer ones part it")
 
     @model_validator(mode="after")
     def _one_source(self) -> ImuSection:

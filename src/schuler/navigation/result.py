@@ -123,7 +123,7 @@ class NavigationResult(Displayed):
     Attributes
     ----------
     trajectory : FullTrajectory
-        Position, velocity and attitude of the IMU.
+        Position, velocity and attitude of the IMU; where no lever arm is known, position of the antenna (``point``).
     t : ndarray, shape (k,)
         Times of the records below. [s]
     states : FullTrajectory
@@ -286,6 +286,11 @@ class NavigationResult(Displayed):
             more = self.parameter("lever")
             arm = arm + np.column_stack([np.interp(self.trajectory.t, self.t, more[:, i]) for i in range(3)])
         return self.trajectory.moved_by(arm)
+
+    @property
+    def point(self) -> str:
+        """Point of the vehicle that positions are of: ``imu``, or ``antenna`` where no lever arm is known."""
+        return str(self.provenance.get("point", "imu"))
 
     @property
     def fixes_later_s(self) -> float:

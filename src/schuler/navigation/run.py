@@ -20,6 +20,7 @@ from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
 from schuler.navigation.config import NavigationConfig
+from schuler.navigation.inputs.antenna import antenna_note, is_of_antenna
 from schuler.navigation.inputs.gnss_faults import rejections
 from schuler.navigation.inputs.imu_axes import against_course, axes_covariance, axes_note
 from schuler.navigation.inputs.imu_noise import noise_against_budget
@@ -79,7 +80,8 @@ def navigate(
     Returns
     -------
     NavigationResult
-        The filtered solution of the IMU's position; ``.smooth()`` gives the smoothed one.
+        The filtered solution of the IMU's position, or of the antenna's (``.point``) where no lever arm is stated and
+        none is estimated; ``.smooth()`` gives the smoothed one.
 
     Raises
     ------
@@ -121,7 +123,9 @@ def navigate(
         ended = forward.t[-1] - recording.start
         notes.append(f"interrupted at {ended:.1f} s of the recording; the solution ends there")
     notes += rejections(schedule.kind, forward.status, schedule.t, schedule.R, forward.noise_factors)
-    return NavigationResult.from_run(
+    if is_of_antenna(config, schedule, prepared.layout):
+        provenance["point"] = "antenna"
+    result = NavigationResult.from_run(
         forward,
         schedule.t,
         schedule.kind,
@@ -134,6 +138,9 @@ def navigate(
         ranges=prepared.ranges,
         points=None if prepared.points is None else prepared.points.solution,
     )
+    if result.point == "imu":
+        return result
+    return replace(result, notes=(*notes, *antenna_note(result.sigma("dr")[:, :2])))
 
 
 def _given_fixes(recording: Recording, prepared: PreparedRun) -> GnssSeries | None:
@@ -165,7 +172,8 @@ def prepared_run(
     notes = list(recording.metadata.notes)
     spec = imu_spec(config, notes)
     calibrated = configured_start(config, recording.need_imu(), calibration)
-    imu = prepared_imu(recording.need_imu(), config, notes, calibrated)
+    begins = None if initial is None else initial.nav.t
+    imu = prepared_imu(recording.need_imu(), config, notes, calibrated, begins)
     ranges, points, relative = None, None, None
     if config.gnss.coupling == "tight":
         ranges, points = satellites(recording, config, notes)

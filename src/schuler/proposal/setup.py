@@ -8,8 +8,6 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from schuler.diagnosis.result import Diagnosis
-from schuler.navigation.config import ImuSection
-from schuler.navigation.inputs.preparation import PAUSE
 from schuler.proposal.cures import SURE
 from schuler.proposal.decision import Decision
 from schuler.proposal.judgement import Judgement, judged
@@ -24,7 +22,6 @@ _SHOWN, _MOST_EXPLAINED = -1.0, 0.8
 _VEHICLE = 0.4  # share of accelerations along and across that the path explains, of a body that goes where it points
 _DRIVES_M_S = 4.0  # speed that one walks not
 _LEVEL = 0.25  # climb over speed that no road has
-_LONGEST_GAP_S = 5.0
 _LEAST_CLOCK_S, _LEAST_MOUNT_DEG = 0.03, 2.0
 
 
@@ -39,11 +36,6 @@ def certain(recording: Recording, diagnosis: Diagnosis) -> list[Decision]:
         Of it.
     """
     out = []
-    pauses = recording.need_imu().gaps(PAUSE)
-    longest = float(pauses[:, 1].max()) if len(pauses) else 0.0
-    if ImuSection.model_fields["max_gap_s"].default < longest <= _LONGEST_GAP_S:
-        value = float(np.ceil(10.0 * longest) / 10.0)
-        out.append(Decision("imu.max_gap_s", value, f"the log pauses for {longest:.2f} s; the filter bridges it"))
     if recording.gnss is None and recording.ranges is None and recording.observations is not None:
         out.append(Decision("gnss.coupling", "tight", "there are satellite measurements and no fixes"))
     clock = next((f for f in diagnosis.findings if f.code == "time_offset"), None)

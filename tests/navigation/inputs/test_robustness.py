@@ -132,11 +132,40 @@ def test_a_pause_of_a_second_and_a_half_is_bridged_and_in_the_claim(drives, kind
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_long_pauses_are_refused(drives, kind):
+def test_the_longest_part_between_long_pauses_is_navigated(drives, kind):
+    """As a log of that part alone, but for the first increment, which may cover the pause."""
     r = drives[kind]
-    gone = (r.imu.t > 80.0) & (r.imu.t < 85.0)
-    with pytest.raises(InputError, match=r"the IMU log pauses for 5\.\d+ s .* longer than imu.max_gap_s = 2\.0 s"):
-        navigate(replace(r, imu=without(r.imu, gone)), config())
+    t = r.imu.t
+    gone = ((t > 8.0) & (t < 28.0)) | (t > t[-1] - 6.0) & (t < t[-1] - 3.0)
+    imu = without(r.imu, gone)
+    result = navigate(replace(r, imu=imu), config())
+    (note,) = [note for note in result.notes if note.startswith("the IMU log pauses for 20.")]
+    assert f"(2 such pauses): its longest part is navigated, second {28.0 - t[0]:.3f} to" in note
+    inside = (t >= 28.0 + (kind == "increment") * 0.5 * r.imu.interval) & (t <= t[-1] - 6.0)
+    alone = navigate(replace(r, imu=without(r.imu, ~inside)), config())
+    assert result.trajectory.t[-1] == imu.t[imu.t < t[-1] - 5.9][-1]
+    np.testing.assert_array_equal(result.trajectory.r_eb_e, alone.trajectory.r_eb_e)
+    np.testing.assert_array_equal(result.covariance_e, alone.covariance_e)
+    assert result.verdict.status == "ok"
+    assert prepared_imu(imu, parsed(), []).t[0] == t[inside][0]
+
+
+def test_a_start_that_is_given_chooses_the_part(recording):
+    t = recording.imu.t
+    parted = without(recording.imu, (t > 30.0) & (t < 35.0))
+    notes: list[str] = []
+    assert prepared_imu(parted, parsed(), notes, begins=1.0).t[-1] <= 30.0
+    assert prepared_imu(parted, parsed(), notes, begins=35.1).t[0] >= 35.0
+    assert all("part with the start is navigated" in note for note in notes)
+    with pytest.raises(InputError, match="part with the start without such a pause lasts 30"):
+        prepared_imu(parted, parsed(), notes, begins=32.0)
+
+
+def test_parts_of_a_few_seconds_are_refused(recording):
+    t = recording.imu.t
+    bursts = without(recording.imu, t % 12.0 < 4.0)
+    with pytest.raises(InputError, match=r"pauses for 4\.0\d+ s .* = 2\.0 s, and its longest part .* lasts 8\.0 s"):
+        prepared_imu(bursts, parsed(), [])
 
 
 @pytest.mark.parametrize("kind", KINDS)

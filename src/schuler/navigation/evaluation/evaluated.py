@@ -66,7 +66,7 @@ def evaluate_run(
         "epochs": result.epochs, "elapsed_s": None, "states": result.layout.size,
         "start_s": float(result.trajectory.t[0]) - recording.start,
         "stop_s": float(result.trajectory.t[-1]) - recording.start,
-        "reference": _reference_name(recording, reference is not None, at_antenna),
+        "point": result.point, "reference": _reference_name(recording, reference is not None, at_antenna),
         **evaluate(result, reference, parameters=truth_parameters, at_antenna=at_antenna, origin=origin),
         "nis_mean": result.innovations.mean_nis(), "measurements": result.innovations.counts(),
         "rejected": result.innovations.rejected(), "complete": result.complete, "notes": result.notes,

@@ -321,7 +321,7 @@ class _UnaidedLog(NamedTuple):
 def _unaided_log(recording: Recording, config: NavigationConfig, base: NavigationResult, step: float) -> _UnaidedLog:
     """The log and all aids but GNSS, as :func:`schuler.navigation.run.navigate` prepares them."""
     spec = imu_spec(config)
-    imu = prepared_imu(recording.need_imu(), config, [])
+    imu = prepared_imu(recording.need_imu(), config, [], begins=float(base.trajectory.t[0]))
     off = config.model_copy(update={"gnss": config.gnss.model_copy(update={"coupling": "off"})})
     # GNSS must not help to find rest, so all of the log is an outage
     schedule, _ = aiding_schedule(

@@ -192,7 +192,7 @@ def _own_run(path: Path, name: str) -> Run:
     entry = meta.get("provenance", {}).get("time")
     time = TimeBase() if entry is None else time_from(entry)
     arm = np.array(meta.get("lever_arm_b_m", [0.0, 0.0, 0.0]), dtype=np.float64)
-    return Run(name, trajectory, time, "imu", arm, str(path))
+    return Run(name, trajectory, time, meta.get("provenance", {}).get("point", "imu"), arm, str(path))
 
 
 def _foreign_run(path: Path, name: str, hints: Mapping[str, Any]) -> Run:

@@ -21,6 +21,7 @@ from schuler.filtering.measurements import (
 )
 from schuler.navigation.evaluation.causes import causes
 from schuler.navigation.evaluation.evidence import evidence
+from schuler.navigation.inputs.antenna import ANTENNA_POINT
 from schuler.navigation.inputs.imu_axes import AXES_UNCERTAIN
 from schuler.verdict import Status, Verdict
 
@@ -69,8 +70,8 @@ _AIDS = {
 
 
 def _remarks(result: NavigationResult) -> Iterator[str]:
-    """Axes of an uncalibrated IMU, aids that never acted, and the longest stretch without a position."""
-    yield from (note for note in result.notes if note.startswith(AXES_UNCERTAIN))
+    """Antenna without a lever arm, axes without a calibration, aids that never acted, longest time without position."""
+    yield from (note for note in result.notes if note.startswith((ANTENNA_POINT, AXES_UNCERTAIN)))
     inn = result.innovations
     acted = {KINDS[int(k)] for k in np.unique(inn.kind[np.isin(inn.status, (ACCEPTED, FORCED))])}
     for aid in result.provenance.get("config", {}).get("aiding", {}):

@@ -20,6 +20,7 @@ from schuler.navigation.inputs.gnss_faults import blunders, contradictions, froz
 from schuler.navigation.inputs.spikes import without_spikes
 from schuler.navigation.start.calibration import CalibrationStart, configured_start
 from schuler.recording.series import GnssSeries, ImuSeries
+from schuler.timebase import SAME_TIME
 
 #: A longer step of the stamps lacks a sample. [sample intervals]
 MISSING = 1.5
@@ -32,13 +33,20 @@ LARGEST_HEIGHT = 1e4
 #: Largest 1-sigma of a velocity. [m/s]
 LARGEST_VELOCITY = 1e3
 _PIECES = 2000  # of a log, spread evenly, that tell the error of bridging
+_SHORTEST_S = 10.0  # part of a log between pauses that is navigated
 _JITTER = 0.2  # robust spread of the stamps that is noted, share of the sample interval
 
 
 def prepared_imu(
-    imu: ImuSeries, config: NavigationConfig, notes: list[str], calibrated: CalibrationStart | None = None
+    imu: ImuSeries,
+    config: NavigationConfig,
+    notes: list[str],
+    calibrated: CalibrationStart | None = None,
+    begins: float | None = None,
 ) -> ImuSeries:
-    """The IMU log in vehicle axes and on the GNSS clock, its gaps bridged or refused, without what is not estimated.
+    """The IMU log in vehicle axes and on the GNSS clock, short pauses bridged, without what is not estimated.
+
+    Of a log with longer pauses it is the longest part between them.
 
     Parameters
     ----------
@@ -49,11 +57,14 @@ def prepared_imu(
         Gets a sentence on everything that was done or looks wrong.
     calibrated : CalibrationStart, optional
         Start from a calibration; default: from the one that the configuration names, if it does.
+    begins : float, optional
+        Time of a given start: the part is that which holds it. [s]
 
     Raises
     ------
     InputError
-        If the log pauses for longer than ``imu.max_gap_s``, or the calibration is not of such a log.
+        If no part between pauses longer than ``imu.max_gap_s`` lasts ten seconds, or a start that is given lies in
+        such a pause; if the calibration is not of such a log.
     """
     section = config.imu
     calibrated = configured_start(config, imu) if calibrated is None else calibrated
@@ -75,17 +86,58 @@ def prepared_imu(
             "motion between them is not measured; expected ten a second and more. Take the log as it was recorded, not "
             "thinned"
         )
+    imu = unbroken(imu, section.max_gap_s, notes, begins)
     gaps = imu.gaps(PAUSE)
     if len(gaps):
         longest = gaps[np.argmax(gaps[:, 1])]
-        if longest[1] > section.max_gap_s:
-            raise InputError(
-                f"the IMU log pauses for {longest[1]:.3f} s at {longest[0]:.3f} s, longer than imu.max_gap_s = "
-                f"{section.max_gap_s} s; navigate the parts separately, or raise max_gap_s if the motion was slow"
-            )
         notes.append(f"{len(gaps)} pauses of the IMU log bridged, the longest {longest[1]:.3f} s at {longest[0]:.3f} s")
     imu = without_spikes(refilled(imu, notes), notes)
     return imu if calibrated is None else calibrated.corrected(imu)
+
+
+def unbroken(imu: ImuSeries, max_gap_s: float, notes: list[str], begins: float | None = None) -> ImuSeries:
+    """The longest part of a log without a pause of more than ``max_gap_s``, or that which holds a given time.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+    max_gap_s : float
+        [s]
+    notes : list of str
+    begins : float, optional
+        [s]
+
+    Raises
+    ------
+    InputError
+        If that part is shorter than ten seconds, or there is none.
+    """
+    pauses = imu.gaps(PAUSE)
+    pauses = pauses[pauses[:, 1] > max_gap_s]
+    if not len(pauses):
+        return imu
+    starts, stops = np.r_[imu.t[0], pauses.sum(axis=1)], np.r_[pauses[:, 0], imu.t[-1]]
+    k, which = int(np.argmax(stops - starts)), "longest part"
+    if begins is not None:
+        k, which = max(int(np.sum(starts <= begins + SAME_TIME)) - 1, 0), "part with the start"
+    lasts = stops[k] - starts[k]
+    at, length = pauses[np.argmax(pauses[:, 1])]
+    sentence = f"the IMU log pauses for {length:.3f} s at {at:.3f} s, longer than imu.max_gap_s = {max_gap_s} s"
+    if lasts < _SHORTEST_S or (begins is not None and begins > stops[k]):
+        raise InputError(
+            f"{sentence}, and its {which} without such a pause lasts {lasts:.1f} s, where {_SHORTEST_S:g} s are "
+            "needed; raise max_gap_s if the motion was slow"
+        )
+    others = f" ({len(pauses)} such pauses)" if len(pauses) > 1 else ""
+    since = imu.t[0]
+    notes.append(
+        f"{sentence}{others}: its {which} is navigated, second {starts[k] - since:.3f} to {stops[k] - since:.3f} of "
+        f"{imu.t[-1] - since:.3f}; nothing tells how it moved in a pause, so the others are runs of their own (--from, "
+        "--to)"
+    )
+    inside = imu.between(starts[k], stops[k])
+    over_pause = imu.kind == "increment" and k > 0  # the first increment may be that of all the pause
+    return inside.between(inside.t[1], stops[k]) if over_pause else inside
 
 
 def refilled(imu: ImuSeries, notes: list[str]) -> ImuSeries:

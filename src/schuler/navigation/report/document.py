@@ -206,7 +206,8 @@ def _provenance(subject: Subject, recording_summary: str | None) -> str:
         (f"model of {b}", f"{BLOCK_TEXT[b][0]} [{BLOCK_TEXT[b][1]}]: {m.describe()}")
         for b, m in r.layout.models.items()
     ]
-    rows.append(("lever arm [m]", ", ".join(f"{v:g}" for v in r.lever_arm_b)))
+    arm = ", ".join(f"{v:g}" for v in r.lever_arm_b)
+    rows.append(("lever arm [m]", arm if r.point == "imu" else "not stated: positions are those of the antenna"))
     rows.append(("covariance propagations", str(r.propagations)))
     text = parts.table("What this result was made from", ("item", "value"), rows, numbers=False)
     if recording_summary:

@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 import sys
 from collections import Counter
 from pathlib import Path
@@ -19,6 +20,10 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 # them anyway.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+# In the background of a shell Ctrl-C is ignored, and so it would be by tests of it.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 SHARED_DATA = DATA
 LEFT_OUT = ("slow", "campaign", "reproduce", "fuzz")  # markers of what does not run by default

@@ -4,8 +4,6 @@ Every law runs over stacks of several shapes and over samples that are uniform o
 space, near the identity, and at and near half a turn, where formulas through the trace or through ``arccos`` fail.
 """
 
-from itertools import product
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -21,7 +19,6 @@ PI = np.pi
 LAW = settings(max_examples=150, deadline=None, derandomize=True, database=None)
 
 BATCHES = [(), (1,), (5, 1, 4)]
-SEEDS = [1]
 
 
 def directions(rng, shape):
@@ -53,14 +50,14 @@ SAMPLERS = {
     "axes": lambda rng, shape: np.eye(3)[rng.integers(0, 3, shape)] * rng.choice([0.5, 1.0, -0.5], (*shape, 1)) * PI,
     "identity": lambda rng, shape: np.zeros((*shape, 3)),
 }
-CASES = [(kind, shape, seed) for kind, shape, seed in product(SAMPLERS, BATCHES, SEEDS)]
+CASES = [(kind, BATCHES[-1]) for kind in SAMPLERS] + [("uniform", shape) for shape in BATCHES[:-1]]
 
 
-@pytest.fixture(params=CASES, ids=lambda c: f"{c[0]}-{c[1]}-{c[2]}".replace(" ", "_"))
+@pytest.fixture(params=CASES, ids=lambda c: f"{c[0]}-{c[1]}".replace(" ", "_"))
 def sample(request):
     """Two independent stacks of rotation vectors of one kind, and a generator."""
-    kind, shape, seed = request.param
-    rng = np.random.default_rng(seed)
+    kind, shape = request.param
+    rng = np.random.default_rng(1)
     return kind, SAMPLERS[kind](rng, shape), SAMPLERS[kind](rng, shape), rng
 
 
@@ -613,24 +610,23 @@ STACKED = [
 ]
 
 
-@pytest.mark.parametrize("kind", list(SAMPLERS))
 @pytest.mark.parametrize(("function", "signature"), STACKED, ids=lambda x: getattr(x, "__name__", x))
-def test_a_stack_is_a_loop(function, signature, kind, rng):
+def test_a_stack_is_a_loop(function, signature, rng):
     shape = (2, 3)
-
-    def draw(letter):
-        v = SAMPLERS[kind](rng, shape)
-        return {"v": v, "q": rotation.quat_from_rotvec(v), "C": rotation.dcm_from_rotvec(v)}[letter]
-
-    arguments = [draw(letter) for letter in signature]
-    kept = [a.copy() for a in arguments]
-    stacked = function(*arguments)
-    assert stacked.dtype == np.float64
-    for index in np.ndindex(shape):
-        # rounding: SIMD and scalar code of NumPy may differ in the last place
-        np.testing.assert_allclose(stacked[index], function(*(a[index] for a in arguments)), rtol=8 * EPS, atol=4 * EPS)
-    for a, b in zip(arguments, kept, strict=True):
-        np.testing.assert_array_equal(a, b)  # arguments are left alone
+    for sampler in SAMPLERS.values():
+        vectors = [sampler(rng, shape) for _ in signature]
+        ways = {"v": np.copy, "q": rotation.quat_from_rotvec, "C": rotation.dcm_from_rotvec}
+        arguments = [ways[letter](v) for letter, v in zip(signature, vectors, strict=True)]
+        kept = [a.copy() for a in arguments]
+        stacked = function(*arguments)
+        assert stacked.dtype == np.float64
+        for index in np.ndindex(shape):
+            # rounding: SIMD and scalar code of NumPy may differ in the last place
+            np.testing.assert_allclose(
+                stacked[index], function(*(a[index] for a in arguments)), rtol=8 * EPS, atol=4 * EPS
+            )
+        for a, b in zip(arguments, kept, strict=True):
+            np.testing.assert_array_equal(a, b)  # arguments are left alone
 
 
 def test_an_empty_stack_gives_an_empty_stack():

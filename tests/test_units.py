@@ -122,15 +122,13 @@ SAME = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("text", "factor", "dimension"),
-    [pytest.param(text, factor, dimension, id=text) for factor, dimension, texts in SAME for text in texts],
-)
-def test_ways_of_writing_a_unit(text, factor, dimension):
-    unit = parse_unit(text)
-    assert unit.factor == pytest.approx(factor, rel=1e-15)  # rounding
-    assert unit.dimension == dimension
-    assert unit.text == text.strip()
+@pytest.mark.parametrize(("factor", "dimension", "texts"), SAME)
+def test_ways_of_writing_a_unit(factor, dimension, texts):
+    for text in texts:
+        unit = parse_unit(text)
+        assert unit.factor == pytest.approx(factor, rel=1e-15), text  # rounding
+        assert unit.dimension == dimension, text
+        assert unit.text == text.strip()
 
 
 def test_named_factors_agree_with_the_texts():

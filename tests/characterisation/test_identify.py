@@ -338,7 +338,7 @@ def test_gyroscopes_alone_are_identified_without_a_word_on_accelerometers(clean)
 def test_a_triad_without_white_noise_has_a_budget_without_it():
     """Accelerometers of steps and a slow wander, as those of a laser gyro system; it was a TypeError."""
     rng = np.random.default_rng(1)
-    n, rate = 2000, 100.0
+    n, rate = 1000, 100.0
     gyro = 1e-3 * rng.standard_normal((n, 3))
     steps = np.diff(rng.standard_normal((n + 1, 3)), axis=0)  # of velocity, differenced: quantisation noise
     accel = 0.1 * steps + np.cumsum(1e-3 * rng.standard_normal((n, 3)), axis=0) - [0.0, 0.0, G0]

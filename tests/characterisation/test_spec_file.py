@@ -40,7 +40,7 @@ magnitudes = st.floats(min_value=0.0, max_value=1e300, allow_nan=False, allow_in
 positive = st.floats(min_value=1e-300, max_value=1e300)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(
     st.text(), st.text(), magnitudes, magnitudes, positive, positive, st.none() | positive, st.none() | positive
 )  # fmt: skip

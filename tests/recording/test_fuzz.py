@@ -152,7 +152,7 @@ TEXTS = (
 
 
 @pytest.mark.thinned(3)
-@pytest.mark.parametrize("cases", [10, pytest.param(120, marks=pytest.mark.fuzz)])
+@pytest.mark.parametrize("cases", [6, pytest.param(120, marks=pytest.mark.fuzz)])
 @pytest.mark.parametrize("name", TEXTS)
 def test_compiled_reading_of_damaged_text_is_the_plain_reading(name, cases, tmp_path, monkeypatch):
     """Large tables are read by compiled code: of damaged ones it makes the same numbers, or the same error."""

@@ -35,7 +35,7 @@ def test_places_and_delay_are_found(delay):
     """Discretisation: second order in the sampling interval, 10 um and 1 us at 100 Hz; carried 0.1 m to and fro."""
     error = []
     for rate in (100.0, 200.0):
-        imu = log_of(places=RELATIVE + COMMON, delay=delay, sway=0.1, rate_hz=rate)
+        imu = log_of(places=RELATIVE + COMMON, delay=delay, sway=0.1, rate_hz=rate, n=12)
         result = calibrate_freepose(imu, size_effect=True, delay=True)
         assert result.names[21:] == (*PLACES, "delay")
         error.append(np.abs(result.values[21:] - [*RELATIVE[1:].ravel(), delay]))

@@ -11,6 +11,7 @@ from schuler.exceptions import InputError
 from schuler.frames import llh_from_ecef
 from schuler.gnss import prepare_ranges, solve_points
 from schuler.gnss.baseline import solve_baseline
+from schuler.gnss.differences import cycle_slips, single_differences
 from schuler.recording import read_rinex_navigation, read_rinex_observation
 
 # Model: the forward model turns axes, ours has Sagnac's to first order (0.1 mm, almost the same for both antennas);
@@ -99,6 +100,34 @@ def test_slips_of_either_receiver_are_found(exact, cycles):
     error = np.abs(s.baseline_n - p.baseline_n)
     assert error[s.fixed].max() < 0.04  # statistical: 5 of the largest sigma
     assert solve(p).slips.sum() == 0
+
+
+def test_slips_that_a_receiver_states_are_placed_among_few(exact):
+    """Four satellites agree with some place whatever one of them jumps by; half cycles in doubt or settled count, too."""
+    p = exact.noisy(np.random.default_rng(6))
+    four = np.unique(p.rover.sat)[:4]
+    p = replace(p, rover=p.rover.where(np.isin(p.rover.sat, four)))
+    jumped = slipped(p.rover, four[1], 3.5, 1.0)
+    sudden = (jumped.sat == four[1]) & (jumped.t == np.unique(jumped.t)[4])
+    silent, stated, half = (replace(jumped, lock=k * sudden.astype(np.int64)) for k in (0, 1, 2))
+    begun = [begins_of(replace(p, rover=rover)) for rover in (silent, stated, half)]
+    assert not begun[0].any()
+    for stated_begins in begun[1:]:
+        assert stated_begins.tolist() == [False, True, False, False]
+    always = replace(p.rover, lock=np.ones(len(p.rover), dtype=np.int64))
+    assert not begins_of(replace(p, rover=always)).any()  # a receiver that always says so says nothing
+
+
+def begins_of(p):
+    """Whether satellites' phases on the first band begin anew at the fifth epoch."""
+    d = single_differences(
+        p.rover, p.base, p.ephemerides, HOME_LLH, systems="GEC", elevation_mask=0.2, cn0_mask=30.0, sigma_code=0.3,
+        sigma_carrier=0.003, static=False,
+    )  # fmt: skip
+    begins, _ = cycle_slips(d, static=False)
+    first = np.array(d.band) == "1"
+    assert first.sum() == 4
+    return begins[4, first]
 
 
 @pytest.mark.campaign

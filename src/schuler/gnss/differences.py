@@ -37,6 +37,7 @@ _NO_MESSAGE, _OTHER_SYSTEM = 1, 7  # schuler.gnss.ranges.REASONS
 _LONGEST_PAUSE_S = 10.0  # over which arcs go on [s]
 _DRIFT = 0.001  # of differences over a pause: satellites' directions, atmosphere, 1-sigma [m/s]
 _OUTLYING = 4.5  # normalised residual of a slip
+_MOST_LOST = 0.5  # share of phases marked as having lost lock from which the mark says nothing
 _SMALLEST_SLIP = 0.3  # half a cycle is the smallest there is [cycles]
 
 
@@ -67,6 +68,9 @@ class SingleDifferences:
         Derivative of the predicted range by the rover's Earth-fixed position.
     elevation : ndarray, shape (k, s)
         At the rover. [rad]
+    arc : ndarray, shape (k, s)
+        Another number where either receiver stated since the epoch before that lock was lost, or half a cycle came in
+        doubt or was settled.
     notes : tuple of str
     """
 
@@ -83,6 +87,7 @@ class SingleDifferences:
     sigma_carrier: FloatArray
     gradient: FloatArray
     elevation: FloatArray
+    arc: FloatArray
     notes: tuple[str, ...] = ()
 
 
@@ -105,6 +110,7 @@ class _Receiver:
     code: FloatArray
     carrier: FloatArray
     cn0: FloatArray
+    arc: FloatArray
 
 
 def single_differences(
@@ -203,7 +209,8 @@ def single_differences(
     return SingleDifferences(
         r.t[i], r_e, base_llh, slots.sat, tuple(str(name[0]) for name in slots.rover), group.astype(np.int64), cycle,
         table(at_rover.code - at_base.code), table(at_rover.carrier - at_base.carrier), sigma_code * scale,
-        sigma_carrier * scale, table(at_rover.gradient), table(at_rover.elevation), notes,
+        sigma_carrier * scale, table(at_rover.gradient), table(at_rover.elevation),
+        r.arc[i] + b.arc[j], notes,
     )  # fmt: skip
 
 
@@ -273,16 +280,16 @@ def cycle_slips(d: SingleDifferences, *, static: bool) -> tuple[BoolArray, BoolA
 
     Notes
     -----
-    Carrier changes from epoch to epoch must fit one displacement of the rover (none, static) and one change of the
-    clocks, the same for all systems and bands. The largest normalised residual above 4.5, if it means more than 0.3
-    cycles, is a slip, then the next, until the others agree (Baarda's data snooping). Where too few phases are left to
-    tell which one jumped, all begin anew.
+    What a receiver states to have slipped begins anew. Other carrier changes from epoch to epoch must fit one
+    displacement of the rover (none, static) and one change of the clocks, the same for all systems and bands. The
+    largest normalised residual above 4.5, if it means more than 0.3 cycles, is a slip, then the next, until the others
+    agree (Baarda's data snooping). Where too few phases are left to tell which one jumped, all begin anew.
     """
     present = np.isfinite(d.carrier)
     begins, slipped = present.copy(), np.zeros_like(present)
     for k in range(1, len(d.t)):
         pause = d.t[k] - d.t[k - 1]
-        both = np.flatnonzero(present[k] & present[k - 1])
+        both = np.flatnonzero(present[k] & present[k - 1] & (d.arc[k] == d.arc[k - 1]))
         if pause > _LONGEST_PAUSE_S or not len(both):
             continue
         clock = np.ones((len(both), 1))
@@ -401,12 +408,26 @@ def _receiver(
     r_e = along_track(t, points.t[points.ok], points.r_e[points.ok])
     good = set(zip(row[points.epoch[ranges.used]].tolist(), ranges.sat[ranges.used].tolist(), strict=True))
     code, carrier, cn0 = np.full((3, len(stamp), len(sat)), np.nan)
+    arc = np.zeros((len(stamp), len(sat)))
     at = np.searchsorted(stamp, o.t)
     for k, (one, band) in enumerate(zip(sat.tolist(), signal.tolist(), strict=True)):
-        rows = np.flatnonzero(_rows(o, one // 100, band) & (o.sat == one) & ~(o.cn0 < cn0_mask))
+        rows = np.flatnonzero(_rows(o, one // 100, band) & (o.sat == one))
+        arc[at[rows], k] = _stated_slips(o.lock[rows])
+        arc[:, k] = np.cumsum(arc[:, k])
+        rows = rows[~(o.cn0[rows] < cn0_mask)]
         rows = rows[np.array([(i, one) in good for i in at[rows].tolist()], dtype=bool)]
         code[at[rows], k], carrier[at[rows], k], cn0[at[rows], k] = o.pseudorange[rows], o.carrier[rows], o.cn0[rows]
-    return _Receiver(stamp, t, r_e, code, carrier, cn0)
+    return _Receiver(stamp, t, r_e, code, carrier, cn0, arc)
+
+
+def _stated_slips(lock: IntArray) -> BoolArray:
+    """Where the indicators of a signal say that the phase is not that of before. Shape (n,).
+
+    A receiver that marks most phases as having lost lock says nothing by it.
+    """
+    lost = (lock & 1) > 0
+    half = np.diff(lock & 2, prepend=lock[:1] & 2) != 0
+    return np.asarray(half | (lost if np.mean(lost) < _MOST_LOST else False))
 
 
 def date(gps_s: float) -> str:

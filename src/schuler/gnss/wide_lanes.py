@@ -91,6 +91,7 @@ def without_ionosphere(
         **sigmas,
         gradient=d.gradient[:, first],
         elevation=d.elevation[:, first],
+        arc=d.arc[:, first] + d.arc[:, second],
         notes=(*d.notes, f"wide lanes of {certain} of {arcs} arcs are certain; the others are left out"),
     )
     return free, new, slipped[:, first] | slipped[:, second]

@@ -10,11 +10,11 @@ Sources: RINEX 2.11 (Gurtner and Estey, 2007), 3.05 and 4.01 (IGS and RTCM-SC104
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
-from schuler.arrays import FloatArray, IntArray
+from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import FileFormatError
 from schuler.gnss.ephemerides import (
     NEWER_SOURCE,
@@ -173,20 +173,14 @@ def kepler_records(file: RinexFile, records: Records, system: str) -> KeplerReco
     if not len(records.line):
         return no_kepler()
     values, toc = fields(file, records, 8), dates(file, records).astype(np.float64)
-    offset = BDT_TO_GPS_S if system == "C" else 0.0
-    elements = {name: values[:, k] for name, k in _PLACES.items()}
-    toe, sent = _near(values[:, _TOE], toc, WEEK_S), _near(_known(values[:, _SENT]), toc, WEEK_S)
+    toe = _near(values[:, _TOE], toc, WEEK_S)
     # where nothing is stated: usable, of an issue that no message has, and no accuracy
     health, issue, source = (np.nan_to_num(values[:, k], nan=d) for k, d in ((_HEALTH, 0), (_ISSUE, -1), (_SOURCE, 0)))
     delay = values[:, _DELAY : _DELAY + 2].copy()
     if system in "GJ":
         delay[:, 1] = np.nan  # here stands the issue of the clock
     orbits = KeplerRecords(
-        sat=records.sat,
-        toe=toe + offset,
-        toc=toc + offset,
-        sent=sent + offset,
-        **elements,
+        **_common_fields(records, system, toe, toc, values, _SENT),
         group_delay=delay,
         health=_whole(health),
         accuracy=np.where(values[:, _ACCURACY] > 0.0, values[:, _ACCURACY], np.nan),
@@ -194,8 +188,7 @@ def kepler_records(file: RinexFile, records: Records, system: str) -> KeplerReco
         source=_whole(source) if system == "E" else np.zeros(len(toc), dtype=np.int64),
     )
     complete = np.isfinite(np.column_stack((values[:, [*_PLACES.values(), _TOE]],))).all(axis=1)
-    complete &= (orbits.sqrt_a > 0.0) & (orbits.e >= 0.0) & (orbits.e < 1.0)
-    orbits = _complete(file, orbits, complete, system)
+    orbits = _elliptic(file, orbits, complete, system)
     if (unstated := int(np.isnan(values[complete, _HEALTH]).sum())) > 0:
         file.notes.append(f"{unstated} messages of {SYSTEM_NAMES[system]} state no health and were taken as usable.")
     key = np.column_stack((orbits.sat, orbits.toe, orbits.toc, orbits.issue, orbits.source, orbits.health))
@@ -219,8 +212,6 @@ def newer_records(file: RinexFile, records: Records, system: str, name: str) -> 
         return no_kepler()
     beidou, tall = system == "C", name != "CNAV"
     values, toc = fields(file, records, 10 if tall else 9), dates(file, records).astype(np.float64)
-    offset = BDT_TO_GPS_S if beidou else 0.0
-    sent = _near(_known(values[:, _SENT_NEWER[tall]]), toc, WEEK_S)
     toe = _near(values[:, _TOE], toc, WEEK_S) if beidou else toc
     health, issue = values[:, _HEALTH_B if beidou else _HEALTH], np.full(len(toc), -1.0)
     if beidou:
@@ -231,11 +222,7 @@ def newer_records(file: RinexFile, records: Records, system: str, name: str) -> 
         delay = np.column_stack((tgd, tgd - values[:, _ISC_L5]))
         accuracy = np.hypot(_nominal_ura(values[:, _URA_ED]), _nominal_ura(values[:, _URA_NED]))
     orbits = KeplerRecords(
-        sat=records.sat,
-        toe=toe + offset,
-        toc=toc + offset,
-        sent=sent + offset,
-        **{element: values[:, k] for element, k in _PLACES.items()},
+        **_common_fields(records, system, toe, toc, values, _SENT_NEWER[tall]),
         group_delay=delay,
         health=_whole(health),
         accuracy=accuracy,
@@ -245,10 +232,24 @@ def newer_records(file: RinexFile, records: Records, system: str, name: str) -> 
         delta_n_dot=values[:, _N_DOT],
     )
     complete = np.isfinite(np.column_stack((values[:, [*_PLACES.values(), _A_DOT, _N_DOT]], toe))).all(axis=1)
-    complete &= (orbits.sqrt_a > 0.0) & (orbits.e >= 0.0) & (orbits.e < 1.0)
-    orbits = _complete(file, orbits, complete, system)
+    orbits = _elliptic(file, orbits, complete, system)
     key = np.column_stack((orbits.sat, orbits.toe, orbits.toc, orbits.sent, orbits.issue, orbits.health))
     return _once(file, orbits, key, system)
+
+
+def _common_fields(
+    records: Records, system: str, toe: FloatArray, toc: FloatArray, values: FloatArray, sent: int
+) -> dict[str, Any]:
+    """Satellites, times by GPS and elements, which all messages of Keplerian orbits have; ``sent`` is a column."""
+    offset = BDT_TO_GPS_S if system == "C" else 0.0
+    transmitted = _near(_known(values[:, sent]), toc, WEEK_S)
+    times = {"toe": toe + offset, "toc": toc + offset, "sent": transmitted + offset}
+    return {"sat": records.sat, **times, **{name: values[:, k] for name, k in _PLACES.items()}}
+
+
+def _elliptic(file: RinexFile, orbits: KeplerRecords, complete: BoolArray, system: str) -> KeplerRecords:
+    """Those of the complete orbits that are ellipses."""
+    return _complete(file, orbits, complete & (orbits.sqrt_a > 0.0) & (orbits.e >= 0.0) & (orbits.e < 1.0), system)
 
 
 def _nominal_ura(index: FloatArray) -> FloatArray:

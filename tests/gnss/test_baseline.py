@@ -103,7 +103,7 @@ def test_slips_of_either_receiver_are_found(exact, cycles):
 
 
 def test_slips_that_a_receiver_states_are_placed_among_few(exact):
-    """Four satellites agree with some place whatever one of them jumps by; half cycles in doubt or settled count, too."""
+    """Four satellites agree with some place whatever one of them jumps by; half cycles count too."""
     p = exact.noisy(np.random.default_rng(6))
     four = np.unique(p.rover.sat)[:4]
     p = replace(p, rover=p.rover.where(np.isin(p.rover.sat, four)))

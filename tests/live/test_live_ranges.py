@@ -157,6 +157,33 @@ def test_a_fault_and_a_jump_of_the_clock_are_found_as_in_a_log(recording):
     assert any("excluded by fault detection" in note for note in notes)
 
 
+def test_reflections_are_left_out_as_in_a_log(recording):
+    """Five satellites late by 25 to 65 m for 25 s, which no epoch alone can tell."""
+    ranges, config = recording.ranges, NavigationConfig.checked(CONFIG)
+    ranges = ranges.where((ranges.t > 19.0) & (ranges.t < 71.0))
+    late = np.zeros(len(ranges))
+    for k, sat in enumerate(np.unique(ranges.sat)[:5].tolist()):
+        late += (ranges.sat == sat) * (ranges.t >= 35.0) * (ranges.t < 60.0) * (25.0 + 10.0 * k)
+    bad = replace(ranges, pseudorange=ranges.pseudorange + late)
+    log, _ = satellites(replace(recording, ranges=bad), config, [])
+    live, at_once, compared = LiveSatellites(config), [], 0
+    for epoch in epochs(bad):
+        at_once.append(live.take(epoch)[0].usable)
+        live.forget(epoch.t)
+        _, again = live.complete(live.epochs[-1])
+        due = window_of(epoch.t) - 1
+        if again is not None and due >= 3:
+            of_log = log.where(log.used & (window_of(log.t) == due))
+            assert of_log.sat.tolist() == again.sat[again.used].tolist()
+            np.testing.assert_allclose(again.sigma_range[again.used], of_log.sigma_range, rtol=1e-9)
+            compared += 1
+    assert compared >= 3
+    newest = joined_ranges(at_once)
+    of_late = (late > 0.0) & ranges.used
+    kept = np.isin(ranges.t * 1000.0 + ranges.sat, newest.t[newest.used] * 1000.0 + newest.sat[newest.used])
+    assert kept[of_late].mean() < 0.3  # by the past alone, in the first seconds too
+
+
 @pytest.mark.campaign
 @pytest.mark.realdata
 def test_raw_epochs_are_corrected_as_in_a_log(psins):

@@ -22,6 +22,8 @@ _FEWEST = 10  # epochs from which shares and noises can be learned
 _MOST = 4096  # epochs at a time, for the sake of memory
 _COARSEST = 100.0  # 1-sigma above which a linked position is none [m]
 _DIRECT = 0.5  # probability from which a range counts as used
+_SHORTEST_DETOUR = 5.0  # what is late by less may be noise that lasts [m]
+_CLEAR = 5.0  # times a satellite's own scatter
 _AGREES = 0.1  # weight from which a range rate does
 
 
@@ -53,22 +55,90 @@ def solve_with_neighbours(
     """
     failed = (points.status == 5) | (points.status == 6)
     for k in _stretches(points, failed):
-        first, last = np.searchsorted(points.epoch, [k[0], k[-1] + 1])
-        rows = slice(int(first), int(last))
-        p = Padded.of(ranges, rows, points.epoch[rows] - k[0], len(k), sigma[rows], sigma_rate[rows])
-        start = np.where((np.abs(points.r_e[k]).max(axis=1) < FAR)[:, None], points.r_e[k], np.nan)
-        if np.mean(np.sum(p.has_rate, axis=1) >= 4) < 0.5 or not np.isfinite(start).any():
+        rows, p, linked, _ = _track(ranges, points, k, sigma, sigma_rate)
+        if linked is None:
             continue
-        place = np.maximum(p.row, 0)
-        sat = np.where(p.row >= 0, ranges.sat[rows][place], -1)
-        cn0 = np.where(p.row >= 0, ranges.cn0[rows][place], np.nan)
-        linked = link_epochs(p, points.t[k], sat, cn0, start)
-        usable = np.einsum("kii->k", linked.cov_r_e) < _COARSEST**2
         unchecked = failed[k] | (points.status[k] == 1)
-        better = usable & (unchecked | (points.ok[k] & _apart(points, k, linked, integrity)))
+        better = _located(linked) & (unchecked | (points.ok[k] & _apart(points, k, linked, integrity)))
         if better.any():
             points = _replaced(points, rows, p, linked, k, better, integrity)
     return points
+
+
+def late_ranges(ranges: Ranges, points: PointSolution, judged: BoolArray) -> BoolArray:
+    """Ranges that a track through all epochs shows to be late, where one epoch alone cannot tell.
+
+    Parameters
+    ----------
+    ranges : Ranges
+        With positive standard deviations.
+    points : PointSolution
+        Of these ranges, each epoch by itself.
+    judged : ndarray of bool, shape (k,)
+        Epochs whose ranges are asked for; the others help.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        Ranges rather late than direct, by 5 m and more and by five times their satellite's own scatter.
+
+    Notes
+    -----
+    Epochs between pauses of 5 s are tied, if they are ten and more, most of them have four range rates, and one of
+    those judged has a fault that could not be isolated (status 5 or 6). A satellite's own scatter is that of its
+    residuals from epoch to epoch (median of steps): what is stated too small is not taken for reflections.
+    """
+    late = np.zeros(len(ranges), dtype=bool)
+    failed = judged & ((points.status == 5) | (points.status == 6))
+    for k in np.split(np.arange(len(points)), np.flatnonzero(np.diff(points.t) > _LONGEST_LINK_S) + 1):
+        if len(k) < _FEWEST or not failed[k].any():
+            continue
+        rows, p, linked, sat = _track(ranges, points, k, ranges.sigma_range, ranges.sigma_rate)
+        if linked is None:
+            continue
+        residual = _residuals(p, linked)
+        least = np.maximum(_SHORTEST_DETOUR, _CLEAR * _scatter(residual, sat))
+        out = p.usable & (linked.direct < _DIRECT) & (residual > least) & (judged[k] & _located(linked))[:, None]
+        late[rows.start + p.row[out]] = True
+    return late
+
+
+def _track(
+    ranges: Ranges, points: PointSolution, k: IntArray, sigma: FloatArray, sigma_rate: FloatArray
+) -> tuple[slice, Padded, Linked | None, IntArray]:
+    """Rows of consecutive epochs, side by side, the track through them if rates tie them, and satellites by place."""
+    first, last = np.searchsorted(points.epoch, [k[0], k[-1] + 1])
+    rows = slice(int(first), int(last))
+    p = Padded.of(ranges, rows, points.epoch[rows] - k[0], len(k), sigma[rows], sigma_rate[rows])
+    start = np.where((np.abs(points.r_e[k]).max(axis=1) < FAR)[:, None], points.r_e[k], np.nan)
+    place = np.maximum(p.row, 0)
+    sat = np.where(p.row >= 0, ranges.sat[rows][place], -1)
+    if np.mean(np.sum(p.has_rate, axis=1) >= 4) < 0.5 or not np.isfinite(start).any():
+        return rows, p, None, sat
+    cn0 = np.where(p.row >= 0, ranges.cn0[rows][place], np.nan)
+    return rows, p, link_epochs(p, points.t[k], sat, cn0, start), sat
+
+
+def _located(linked: Linked) -> BoolArray:
+    """Epochs at which the track is certain enough to say anything."""
+    return np.asarray(np.einsum("kii->k", linked.cov_r_e) < _COARSEST**2)
+
+
+def _residuals(p: Padded, linked: Linked) -> FloatArray:
+    """Measured minus predicted ranges along the track, NaN where there is none. Shape (k, m). [m]"""
+    predicted, _ = predicted_ranges(p.r_s, linked.r_e[:, None, :])
+    clock = np.take_along_axis(linked.clock, p.group, axis=1)
+    return np.where(p.usable, p.rho - predicted - clock, np.nan)
+
+
+def _scatter(residual: FloatArray, sat: IntArray) -> FloatArray:
+    """1-sigma of each satellite's residuals, by the median of their steps from epoch to epoch. Shape (k, m). [m]"""
+    sigma = np.zeros(residual.shape)
+    for one in np.unique(sat[np.isfinite(residual)]):
+        steps = np.diff(residual[np.isfinite(residual) & (sat == one)])
+        if len(steps):
+            sigma[sat == one] = 1.4826 * np.median(np.abs(steps)) / np.sqrt(2.0)
+    return sigma
 
 
 def _stretches(points: PointSolution, failed: BoolArray) -> list[IntArray]:
@@ -101,9 +171,7 @@ def _replaced(
     """The solution with the epochs ``k[better]`` taken from the track."""
     used = p.usable & (linked.direct >= _DIRECT)
     used_rate = p.has_rate & (linked.rate_weight >= _AGREES)
-    predicted, _ = predicted_ranges(p.r_s, linked.r_e[:, None, :])
-    clock = np.take_along_axis(linked.clock, p.group, axis=1)
-    residual = np.where(p.usable, p.rho - predicted - clock, np.nan)
+    residual = _residuals(p, linked)
     speed, _ = predicted_rates(p.r_s, p.v_s, linked.r_e[:, None, :], linked.v_e[:, None, :])
     rate_residual = np.where(p.has_rate, p.rate - speed - linked.drift[:, None], np.nan)
     C_en = frames.C_en(frames.llh_from_ecef(linked.r_e))

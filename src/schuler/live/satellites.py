@@ -20,16 +20,16 @@ from schuler.gnss.receiver_clock import MILLISECOND
 from schuler.live.decoders.base import fixes
 from schuler.live.messages import Fix, SatelliteEpoch
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.inputs.satellite_noise import WINDOW_S, window_of
+from schuler.navigation.inputs.satellite_noise import BEFORE, EXCLUDED, WINDOW_S, window_of
 from schuler.navigation.inputs.satellites import corrected_ranges, limited, once_each, screened
 from schuler.recording.satellite_positions import gnss_series
 
 _FEWEST, _MOST = 10, 20  # epochs by which one is screened
+_HELPING = 30  # epochs before these by which reflections of the newest are told
 _SETTLED = 5  # epochs that show that a jump of the clock lasts, as in a log
 _SMALLEST = 1.0  # jumps are of 20 m and more, the rest is rounding [m]
 _RAW_S = 3.0 * WINDOW_S  # how long raw measurements are kept, to be corrected again [s]
 _KEPT_S = 86_400.0  # age of the oldest broadcast message that is kept [s]
-_EXCLUDED = 6  # schuler.gnss.ranges.REASONS
 
 
 @dataclass
@@ -124,7 +124,9 @@ class LiveSatellites:
         ranges = measured if isinstance(measured, Ranges) else self._newest_corrected(measured, earlier)
         ranges = once_each(replace(ranges, pseudorange=ranges.pseudorange - step), [])
         epoch = Epoch(t, ranges, ranges, step, None, raw)
-        notes = self._screen([*earlier, epoch])
+        begin = at - len(earlier)
+        before = self._before(max(begin - _HELPING, 0), begin, earlier[0].t if earlier else t)
+        notes = self._screen([*earlier, epoch], before)
         self.epochs.insert(at, epoch)
         return epoch, notes
 
@@ -153,7 +155,8 @@ class LiveSatellites:
         self._correct_again(members, after[0])
         begin = max(first - _FEWEST, 0)
         epochs = self.epochs[begin : stop + _SETTLED]
-        out, _ = screened(joined_ranges([e.ranges for e in epochs]), self._config, [])
+        before = self._before(0, begin, due * WINDOW_S)
+        out, _ = screened(joined_ranges([e.ranges for e in epochs]), self._config, [], before=before)
         of = np.repeat(np.arange(len(epochs)), [len(e.ranges) for e in epochs])
         section, times = self._config.gnss.tight, [e.usable.t for e in members]
         for k, epoch in enumerate(members, first - begin):
@@ -173,7 +176,7 @@ class LiveSatellites:
         complete = bisect_left(self.epochs, self.epochs[-1].t - _RAW_S, key=_time) if self.epochs else 0
         for epoch in self.epochs[: min(complete, older)]:
             epoch.raw = None
-        del self.epochs[: min(bisect_left(self.epochs, t - 2.0 * WINDOW_S, key=_time), older)]
+        del self.epochs[: min(bisect_left(self.epochs, t - (BEFORE + 2.1) * WINDOW_S, key=_time), older)]
 
     def document(self) -> dict[str, Any]:
         """What goes on from one epoch to the next, for files."""
@@ -248,10 +251,15 @@ class LiveSatellites:
         taken_out = MILLISECOND * np.round(np.median(moved) / MILLISECOND) if len(moved) else 0.0
         return replace(ranges, pseudorange=ranges.pseudorange - taken_out)
 
-    def _screen(self, epochs: list[Epoch]) -> list[str]:
-        """Screen the last of some consecutive epochs; sentences on it."""
+    def _before(self, first: int, stop: int, t: float) -> Ranges | None:
+        """Ranges of some epochs, those by which reflections in a window that begins at ``t`` are told. [s]"""
+        parts = [e.ranges for e in self.epochs[first:stop] if e.t > t - (BEFORE + 0.1) * WINDOW_S and len(e.ranges)]
+        return joined_ranges(parts) if parts else None
+
+    def _screen(self, epochs: list[Epoch], before: Ranges | None) -> list[str]:
+        """Screen the last of some consecutive epochs, after others; sentences on it."""
         joined = joined_ranges([e.ranges for e in epochs])
-        out, solution = screened(joined, self._config, [], float(joined.t[0]))
+        out, solution = screened(joined, self._config, [], float(joined.t[0]), before)
         of = np.repeat(np.arange(len(epochs)), [len(e.ranges) for e in epochs])
         epoch, section = epochs[-1], self._config.gnss.tight
         last = out.where(of == len(epochs) - 1)
@@ -259,7 +267,7 @@ class LiveSatellites:
         epoch.fix = self._fix(solution, float(last.t[-1]))
         moved = epoch_medians(of, joined.pseudorange - out.pseudorange, len(epochs))
         notes = self._settle(epochs, np.nan_to_num(moved))
-        if count := int(np.sum(last.reason == _EXCLUDED)):
+        if count := int(np.sum(last.reason == EXCLUDED)):
             notes.append(f"{count} ranges of {epoch.t:.3f} s were excluded by fault detection among its satellites")
         return notes
 

@@ -93,6 +93,7 @@ def _refusal(job: NavigationJob) -> str | None:
         catalogue=config.imu.catalogue, spec=config.imu.spec, gyro=config.imu.gyro, accel=config.imu.accel
     )
     for wrong, text in (
+        (config.gnss.coupling not in ("loose", "off"), f"know no coupling {config.gnss.coupling!r}"),
         (job.start is None, "do not align themselves; give the errors they start with (section [start])"),
         (imu.ideal, "need an IMU with errors"),
         (imu.kind != "increment", 'take increments (imu.kind = "increment")'),
@@ -100,7 +101,6 @@ def _refusal(job: NavigationJob) -> str | None:
         (imu.temperature_degC is not None, "know no temperature"),
         (mounted, "know no mounting of the IMU"),
         (config.imu != source and not mounted, "take the IMU as it is (no calibration, clock or rate entries)"),
-        (config.gnss.coupling not in ("loose", "off"), f"know no coupling {config.gnss.coupling!r}"),
         (config.gnss != plain, "take GNSS as it comes (only coupling, lever_arm_m, velocity and gate)"),
         (aids != AidingSection(), "have no aids but GNSS"),
         (

@@ -16,6 +16,7 @@ from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import AMBIGUITIES, CHANNELS, StateLayout, StateModel
 from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.ephemerides import Ephemerides, no_glonass
+from schuler.gnss.integrity import Integrity
 from schuler.gnss.point import solve_points
 from schuler.gnss.signals import SPEED_OF_LIGHT
 from schuler.gnss.slow_errors import slow_channels
@@ -23,7 +24,7 @@ from schuler.gnss.synthetic import RangeErrors, Sector, synthetic_ranges
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.aids.satellite import range_measurements
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.inputs.satellite_noise import inflate_sigmas
+from schuler.navigation.inputs.satellite_noise import inflate_sigmas, without_reflections
 from schuler.navigation.inputs.satellites import (
     Points,
     inflated,
@@ -122,6 +123,34 @@ def faulty(ranges, sat, start, stop, metres, rate=0.0):
 
 
 # --- one step at a time -----------------------------------------------------------------------------------------------
+
+
+def test_many_detours_are_left_out_by_the_epochs_before_them(clean):
+    """Five of thirteen satellites late by 25 to 65 m for 20 s: nearly all go, no other, whatever comes later."""
+    many, late = clean, np.zeros(len(clean), dtype=bool)
+    for k, sat in enumerate(np.unique(clean.sat)[:5].tolist()):
+        many = faulty(many, sat, 40.0, 60.0, 25.0 + 10.0 * k)
+        late |= (clean.sat == sat) & (clean.t >= 40.0) & (clean.t < 60.0)
+    notes: list[str] = []
+    kept, _ = without_reflections(many, None, notes)
+    assert kept.used[late & clean.used].mean() < 0.1
+    assert kept.used[~late].sum() == clean.used[~late].sum()
+    assert np.isnan(kept.range_rate[clean.used & ~kept.used]).all()
+    assert "suspected not to be in line of sight" in notes[-1]
+    past = many.t < 50.0
+    np.testing.assert_array_equal(without_reflections(many.where(past), None, [])[0].reason, kept.reason[past])
+
+
+@pytest.mark.parametrize("satellites_of", [4, 13])
+def test_scatter_is_not_taken_for_detours(clean, satellites_of):
+    """Ranges that scatter by eight times what they say, of some satellites or all."""
+    part = clean.where(clean.t < 60.0)
+    spoilt = np.isin(part.sat, np.unique(part.sat)[:satellites_of])
+    noise = 8.0 * part.sigma_range * np.random.default_rng(2).standard_normal(len(part))
+    scattered = replace(part, pseudorange=part.pseudorange + noise * spoilt)
+    failed = np.isin(solve_points(scattered, integrity=Integrity(neighbours=False)).status, (5, 6))
+    assert failed.sum() > 10  # that one epoch cannot tell
+    np.testing.assert_array_equal(without_reflections(scattered, None, [])[0].reason, part.reason)
 
 
 def test_repeated_measurements_count_once(clean):

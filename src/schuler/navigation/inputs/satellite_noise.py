@@ -1,4 +1,4 @@
-"""Standard deviations of satellite measurements, enlarged where the residuals of single points contradict them."""
+"""Ranges that the epochs before show to be late, and standard deviations that single points' residuals contradict."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.gnss.integrity import Integrity
+from schuler.gnss.neighbours import late_ranges
 from schuler.gnss.point import solve_points
 from schuler.gnss.point_result import PointSolution
-from schuler.gnss.ranges import Ranges
+from schuler.gnss.ranges import Ranges, joined_ranges
 
 WINDOW_S = 10.0
+BEFORE = 3  # windows before a window by which its reflections are told
+EXCLUDED = 6  # schuler.gnss.ranges.REASONS
 _EARLY = 1e-3  # of a window: an epoch at its beginning may be stamped so much before
 _ROUNDS = 4  # of scaling and solving: exclusions made with the old weights hide a part of the scatter
 _SIGMAS = 3.1  # of chance, 99.9 %
@@ -26,7 +29,62 @@ def window_of(t: FloatArray | float, origin: float = 0.0) -> IntArray:
     return np.floor((np.asarray(t) - origin) / WINDOW_S + _EARLY).astype(np.int64)
 
 
-def inflate_sigmas(ranges: Ranges, notes: list[str], origin: float = 0.0) -> tuple[Ranges, PointSolution]:
+def without_reflections(
+    ranges: Ranges, before: Ranges | None, notes: list[str], origin: float = 0.0
+) -> tuple[Ranges, PointSolution]:
+    """Ranges less those that are late by the epochs before them, where one epoch alone cannot tell.
+
+    With many reflections the satellites of an epoch agree with several places: the filter would get them all, with
+    standard deviations enlarged to their scatter. The ten seconds in which such an epoch lies are tied by range rates,
+    with the thirty before (:func:`schuler.gnss.neighbours.late_ranges`); what comes later has no part in it, so that a
+    stream has what a log has. Windows without such epochs stay as they are.
+
+    Parameters
+    ----------
+    ranges : Ranges
+        With positive standard deviations.
+    before : Ranges, optional
+        Those of the thirty seconds before, less those among ``ranges``.
+    notes : list of str
+        Gets a sentence if any were left out.
+    origin : float
+        See :func:`inflate_sigmas`. [s]
+
+    Returns
+    -------
+    ranges : Ranges
+    solution : PointSolution
+        Their single points, each epoch by itself, by the standard deviations as they are.
+    """
+    solution = solve_points(ranges, integrity=_ALONE)
+    failed = (solution.status == 5) | (solution.status == 6)
+    if not failed.any():
+        return ranges, solution
+    every = ranges if before is None else joined_ranges([before, ranges])
+    points = solution if before is None else solve_points(every, integrity=_ALONE)
+    late, window = np.zeros(len(every), dtype=bool), window_of(every.t, origin)
+    for w in np.unique(window_of(solution.t[failed], origin)):
+        rows = np.flatnonzero((window >= w - BEFORE) & (window <= w))
+        k = np.arange(points.epoch[rows[0]], points.epoch[rows[-1]] + 1)
+        late[rows] |= late_ranges(every.where(rows), points.where(k), window_of(points.t[k], origin) == w)
+    late = late[len(every) - len(ranges) :]
+    if not late.any():
+        return ranges, solution
+    notes.append(
+        f"{int(late.sum())} ranges suspected not to be in line of sight, by the epochs before them, were left out with "
+        "their range rates"
+    )
+    ranges = replace(
+        ranges,
+        reason=np.where(late, EXCLUDED, ranges.reason),
+        range_rate=np.where(late, np.nan, ranges.range_rate),
+    )
+    return ranges, solve_points(ranges, integrity=_ALONE)
+
+
+def inflate_sigmas(
+    ranges: Ranges, notes: list[str], origin: float = 0.0, solution: PointSolution | None = None
+) -> tuple[Ranges, PointSolution]:
     """Enlarge standard deviations of ranges that are smaller than their scatter.
 
     Parameters
@@ -37,6 +95,8 @@ def inflate_sigmas(ranges: Ranges, notes: list[str], origin: float = 0.0) -> tup
         Gets a sentence if any were enlarged.
     origin : float
         Where a window begins; by default at every ten seconds of the clock, wherever a log begins. [s]
+    solution : PointSolution, optional
+        Their single points, each epoch by itself, where they are known.
 
     Returns
     -------
@@ -60,7 +120,7 @@ def inflate_sigmas(ranges: Ranges, notes: list[str], origin: float = 0.0) -> tup
     Teunissen, P. J. G. (2000), Testing Theory, chapter 4 (overall model test and variance factor).
     """
     range_factor, rate_factor = np.ones(len(ranges)), np.ones(len(ranges))
-    solution = solve_points(ranges, integrity=_ALONE)
+    solution = solve_points(ranges, integrity=_ALONE) if solution is None else solution
     window = window_of(solution.t, origin)
     larger_range, larger_rate = np.zeros((2, len(solution)), dtype=bool)
     for _ in range(_ROUNDS):

@@ -25,14 +25,13 @@ from schuler.gnss.point import solve_points
 from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import REASONS, Ranges
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.inputs.satellite_noise import inflate_sigmas
+from schuler.navigation.inputs.satellite_noise import EXCLUDED, inflate_sigmas, without_reflections
 from schuler.navigation.sections import CorrelatedSection, TightSection
 from schuler.recording.recording import Recording
 from schuler.recording.satellite_positions import gnss_series
 from schuler.recording.series import GnssSeries
 
 _MISSING_RANGE, _MISSING_RATE = 10.0, 1.0  # 1-sigma of measurements that come without one [m], [m/s]
-_EXCLUDED = 6  # schuler.gnss.ranges.REASONS
 _SMALLEST_JUMP = 20.0  # of a receiver clock; what is less is its noise, which the clock states follow [m]
 _CLEAR_JUMP = 10.0  # times the usual scatter from epoch to epoch
 _LONGEST_GAP_S = 10.0  # over which a clock is expected to run on
@@ -177,9 +176,9 @@ def corrected_ranges(
 
 
 def screened(
-    ranges: Ranges, config: NavigationConfig, notes: list[str], origin: float = 0.0
+    ranges: Ranges, config: NavigationConfig, notes: list[str], origin: float = 0.0, before: Ranges | None = None
 ) -> tuple[Ranges, PointSolution]:
-    """Ranges without repetitions, snapshot faults and jumps of the receiver clock, with standard deviations to use.
+    """Ranges without repetitions, reflections, faults, jumps of the receiver clock, with standard deviations to use.
 
     Parameters
     ----------
@@ -190,6 +189,8 @@ def screened(
         Gets sentences on what was left out or changed.
     origin : float
         See :func:`~schuler.navigation.inputs.satellite_noise.inflate_sigmas`. [s]
+    before : Ranges, optional
+        Those of the thirty seconds before, which are not screened, less those among ``ranges``.
 
     Returns
     -------
@@ -199,7 +200,9 @@ def screened(
     """
     ranges = with_sigmas(once_each(ranges, notes), notes)
     if config.gnss.tight.integrity:
-        ranges, solution = inflate_sigmas(ranges, notes, origin)
+        before = None if before is None else with_sigmas(before, [])
+        ranges, solution = without_reflections(ranges, before, notes, origin)
+        ranges, solution = inflate_sigmas(ranges, notes, origin, solution)
         ranges = without_faults(ranges, solution, notes)
     else:
         solution = solve_points(ranges, integrity=None)
@@ -267,7 +270,7 @@ def without_faults(ranges: Ranges, solution: PointSolution, notes: list[str]) ->
         )
     return replace(
         ranges,
-        reason=np.where(excluded, _EXCLUDED, ranges.reason),
+        reason=np.where(excluded, EXCLUDED, ranges.reason),
         range_rate=np.where(rate_excluded, np.nan, ranges.range_rate),
     )
 

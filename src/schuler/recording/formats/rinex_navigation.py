@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from schuler.arrays import BoolArray, FloatArray, IntArray
+from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError
 from schuler.gnss.ephemerides import (
     NEWER_SOURCE,
@@ -187,7 +187,7 @@ def kepler_records(file: RinexFile, records: Records, system: str) -> KeplerReco
         issue=_whole(issue),
         source=_whole(source) if system == "E" else np.zeros(len(toc), dtype=np.int64),
     )
-    complete = np.isfinite(np.column_stack((values[:, [*_PLACES.values(), _TOE]],))).all(axis=1)
+    complete = np.asarray(np.isfinite(values[:, [*_PLACES.values(), _TOE]]).all(axis=1))
     orbits = _elliptic(file, orbits, complete, system)
     if (unstated := int(np.isnan(values[complete, _HEALTH]).sum())) > 0:
         file.notes.append(f"{unstated} messages of {SYSTEM_NAMES[system]} state no health and were taken as usable.")
@@ -231,7 +231,9 @@ def newer_records(file: RinexFile, records: Records, system: str, name: str) -> 
         a_dot=values[:, _A_DOT],
         delta_n_dot=values[:, _N_DOT],
     )
-    complete = np.isfinite(np.column_stack((values[:, [*_PLACES.values(), _A_DOT, _N_DOT]], toe))).all(axis=1)
+    complete = np.asarray(
+        np.isfinite(np.column_stack((values[:, [*_PLACES.values(), _A_DOT, _N_DOT]], toe))).all(axis=1)
+    )
     orbits = _elliptic(file, orbits, complete, system)
     key = np.column_stack((orbits.sat, orbits.toe, orbits.toc, orbits.sent, orbits.issue, orbits.health))
     return _once(file, orbits, key, system)
@@ -247,7 +249,7 @@ def _common_fields(
     return {"sat": records.sat, **times, **{name: values[:, k] for name, k in _PLACES.items()}}
 
 
-def _elliptic(file: RinexFile, orbits: KeplerRecords, complete: BoolArray, system: str) -> KeplerRecords:
+def _elliptic(file: RinexFile, orbits: KeplerRecords, complete: np.ndarray, system: str) -> KeplerRecords:
     """Those of the complete orbits that are ellipses."""
     return _complete(file, orbits, complete & (orbits.sqrt_a > 0.0) & (orbits.e >= 0.0) & (orbits.e < 1.0), system)
 

@@ -400,9 +400,11 @@ def _parts():
 
     x, i = nb.float64, nb.int64
     f, m, k, km = x[::1], x[:, ::1], i[::1], i[:, ::1]
-    _, _, state, model, settings, work, *_ = _argument_types()
+    _, aiding, state, model, settings, work, _, _, nodes = _argument_types()
     return [
         (measurement_rows, (i, f, f, f, f, f, f, km, i, k, x, m, f, m)),
+        (start_arc, (i, i, aiding, state, model, work, nodes)),
+        (innovate, (m, m, f, f, i, m, m, f, m, m)),
         (judge, (i, x, x, i, x, f, settings, state, model, work)),
     ]
 

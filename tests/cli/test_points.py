@@ -296,6 +296,7 @@ def test_what_cannot_be_solved_is_refused(sky, folder, tmp_path, capsys):
     assert "--nav" in refused(folder / "rover.obs", "--nav", folder / "rover.obs")
     assert "no such file" in refused(folder / "rover.obs", "--nav", folder / "none.nav")
     nav = ("--nav", folder / "rover.nav")
+    assert "more.nav; an option that takes several" in refused(folder / "rover.obs", *nav, folder / "more.nav")
     assert "--systems: expected letters" in refused(folder / "rover.obs", *nav, "--systems", "X")
     assert "--systems R: expected some of those in" in refused(folder / "rover.obs", *nav, "--systems", "R")
     assert "--risk: expected a probability" in refused(folder / "rover.obs", *nav, "--risk", "2")

@@ -228,7 +228,7 @@ def test_what_cannot_be_solved_says_why(exact):
     with pytest.raises(InputError, match=r"no common epochs: rover from .* 2\.001 s apart"):
         solve(replace(exact, rover=rover, base=base))
     silent = replace(exact.base, carrier=np.full(len(exact.base), np.nan))
-    with pytest.raises(InputError, match=r"base no carriers"):
+    with pytest.raises(InputError, match=r"base none"):
         solve(replace(exact, base=silent))
     with pytest.raises(InputError, match=r"base_llh: \d+ m from where"):
         solve_baseline(exact.rover, exact.base, exact.ephemerides, HOME_LLH + np.array([1e-3, 0.0, 0.0]))

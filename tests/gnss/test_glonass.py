@@ -105,6 +105,14 @@ def test_the_moon_and_sun_pull_as_broadcast():
     assert np.allclose(with_ - without, 0.5 * a * 60.0**2, rtol=0.0, atol=1e-4)  # the Earth turns meanwhile: 1 %
 
 
+def test_no_state_at_no_time():
+    """Precise clocks of a file without GLONASS leave its times of transmission open."""
+    r, v = glonass_states(records(*typical()), np.zeros(2, dtype=int), np.array([np.nan, 60.0]))
+    assert np.isnan(r[0]).all()
+    assert np.isnan(v[0]).all()
+    assert np.isfinite(r[1]).all()
+
+
 def test_nothing_asked_nothing_answered():
     r, v = glonass_states(records(*typical()), np.zeros(0, dtype=int), np.zeros(0))
     assert r.shape == v.shape == (0, 3)

@@ -34,6 +34,15 @@ def _run(given: Sequence[str]) -> int:
                 result_action="return_value",
             )  # fmt: skip
         sys.stdout.flush()
+    except cyclopts.UnusedCliTokensError as error:
+        left = ", ".join(error.unused_tokens or ())
+        complain(
+            printable(
+                f"unused: {left}; an option that takes several is given before each of them, as in --nav A --nav B  "
+                "(see schuler --help)"
+            )
+        )
+        return 2
     except cyclopts.CycloptsError as error:
         complain(f"{' '.join(str(error).split())}  (see schuler --help)")
         return 2

@@ -231,22 +231,16 @@ def _ranges(recording: Recording, log: Path, nav: tuple[Path, ...], options: dic
     messages = ephemerides_of([recording], nav, f"{log} has no ephemerides{_beside(log)}")
     ranges = prepare_ranges(o, messages, **options)
     if np.isin(ranges.reason, (_NOT_SELECTED, _NO_EPHEMERIS)).all():
+        from schuler.gnss.differences import date, listed_messages
         from schuler.gnss.signals import SYSTEMS
-        from schuler.timebase import calendar
 
         held = "".join(SYSTEMS[k] for k in np.unique(o.sat // 100))
         if (ranges.reason == _NOT_SELECTED).all():
             raise InputError(f"--systems {options['systems']}: expected some of those in {log}: {held}")
-        sent = np.concatenate((messages.kepler.toe, messages.glonass.toe))
-        days = (
-            "none"
-            if not len(sent)
-            else f"{calendar(sent.min()):%Y-%m-%d %H:%M} to {calendar(sent.max()):%Y-%m-%d %H:%M}"
-        )
         raise InputError(
-            f"{log}: no ephemeris for any of its satellites; it begins at "
-            f"{calendar(o.epoch_gps_s + float(o.t[0])):%Y-%m-%d %H:%M} GPS, messages are of {days}; give a RINEX "
-            f"navigation file of that day with --nav, for systems among {held}"
+            f"{log}: no ephemeris for any of its satellites; it begins at {date(o.epoch_gps_s + float(o.t[0]))} GPS, "
+            f"{listed_messages(messages)}; give a RINEX navigation file, or precise orbits, of that day with --nav, "
+            f"for systems among {held}"
         )
     return ranges
 

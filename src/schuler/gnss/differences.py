@@ -358,7 +358,7 @@ def _rows(o: Observations, system: int, name: str) -> BoolArray:
 
 
 def _signals(o: Observations, systems: str) -> dict[tuple[int, str], str]:
-    """Signal with most carriers by system and band."""
+    """Signal with most carriers beside codes by system and band."""
     most: dict[tuple[int, str], tuple[int, str]] = {}
     for letter in systems:
         system = SYSTEMS.index(letter)
@@ -370,7 +370,7 @@ def _signals(o: Observations, systems: str) -> dict[tuple[int, str], str]:
 
 
 def _listed(signals: dict[tuple[int, str], str]) -> str:
-    return ", ".join(f"{SYSTEM_NAMES[SYSTEMS[s]]} {name}" for (s, _), name in sorted(signals.items())) or "no carriers"
+    return ", ".join(f"{SYSTEM_NAMES[SYSTEMS[s]]} {name}" for (s, _), name in sorted(signals.items())) or "none"
 
 
 def _receiver(
@@ -436,9 +436,10 @@ def date(gps_s: float) -> str:
 
 
 def listed_messages(ephemerides: Ephemerides) -> str:
-    """Clause on the days of the messages, for sentences."""
-    toe = np.concatenate((ephemerides.kepler.toe, ephemerides.glonass.toe))
-    return f"messages are of {date(toe.min())} to {date(toe.max())}" if len(toe) else "there are no messages at all"
+    """Clause on the days of the messages, and of precise orbits, for sentences."""
+    toe, orbits = np.concatenate((ephemerides.kepler.toe, ephemerides.glonass.toe)), ephemerides.precise_orbits
+    held = f"messages are of {date(toe.min())} to {date(toe.max())}" if len(toe) else "there are no messages at all"
+    return held if orbits is None else f"{held}, precise orbits of {date(orbits.t[0])} to {date(orbits.t[-1])}"
 
 
 def _nearest(values: FloatArray, wanted: FloatArray) -> IntArray:

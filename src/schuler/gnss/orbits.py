@@ -274,7 +274,7 @@ def glonass_states(
     """
     row, t = np.asarray(row, dtype=np.int64), np.asarray(t, dtype=np.float64)
     tk = t - (records.toe[row] - epoch_gps_s)
-    node = np.round(tk / STEP_S).astype(np.int64)
+    node = np.round(np.nan_to_num(tk) / STEP_S).astype(np.int64)  # times that are NaN stay so below
     used, place = np.unique(row, return_inverse=True)
     first, last = (min(0, int(node.min())), max(0, int(node.max()))) if len(node) else (0, 0)
     r = np.empty((last - first + 1, len(used), 3))

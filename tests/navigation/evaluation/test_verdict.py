@@ -200,6 +200,21 @@ def test_noise_that_the_run_enlarged_and_found_right_is_a_remark(recording, fact
     assert all(any(note in text for text in (*verdict.remarks, *verdict.reasons)) for note in enlarged)
 
 
+@pytest.mark.parametrize(
+    ("moved_s", "sigmas", "status"), [(-0.2, 8.0, "doubtful"), (-0.2, 5.0, "ok"), (0.0, 8.0, "ok")]
+)
+def test_an_offset_that_the_run_looked_for_and_that_wanders_is_doubted(recording, moved_s, sigmas, status):
+    """A constant of the clocks; one whose state was asked for has the limit of other parameters."""
+    run = navigate(recording, config(gnss={"delay_sigma_s": 0.3}, filter={"tune": False}))
+    at, K = run.layout["delay"].start - 9, len(run.t)
+    wide, narrow = run.sigma("delay")[[K // 2, K - 1], 0]
+    parameters = run.parameters.copy()
+    parameters[:, at] = np.where(np.arange(K) > K // 2, sigmas * np.sqrt(wide**2 - narrow**2), 0.0)
+    verdict = replace(run, parameters=parameters, provenance={**run.provenance, "fixes_moved_s": moved_s}).verdict
+    assert verdict.status == status
+    assert status == "ok" or "hardly tells an offset of GNSS stamps from a lever arm" in verdict.causes[0]
+
+
 @pytest.mark.parametrize(("rejected", "status"), [(4, "ok"), (30, "doubtful")])
 def test_a_moment_of_rejections_is_a_remark_and_a_tenth_of_the_fixes_is_not(recording, rejected, status):
     run = navigate(recording, config())

@@ -32,6 +32,10 @@ _REVERSED = (
     "such as 'gz=-1'), or the accelerometers show gravity instead of specific force, or the axes of the two differ: "
     "schuler check"
 )
+_LATE_OR_ELSEWHERE = (
+    "the log hardly tells an offset of GNSS stamps from a lever arm, or the offset changes: state imu.clock_shift_s or "
+    "gnss.lever_arm_m"
+)
 #: Openings of notes on the log that explain a wreck.
 _TELLING = ("GNSS velocities seem to be", "GNSS positions jump")
 
@@ -93,6 +97,8 @@ def causes(result: NavigationResult, findings: list[Finding]) -> list[str]:
                 "(gnss.lever_arm_m) is wrong",
             )
         )
+    if "halves delay" in size:
+        explained.append((0.65, _LATE_OR_ELSEWHERE))
     aids = [k for k in size if k.startswith(("rejected", "nis")) and int(k.split()[1]) not in (*GNSS_KINDS, FIX)]
     if aids:
         names = " and ".join(dict.fromkeys(kind_text(int(k.split()[1])) for k in aids))

@@ -118,6 +118,11 @@ class NavigationJob:
     evaluation : EvaluationSection
     unrounded : bool
         Lanes may leave out the rounding of the IMU's readings, which they do not have.
+
+    Raises
+    ------
+    ConfigError
+        If a start is given with tight coupling.
     """
 
     simulation: Scenario
@@ -125,6 +130,12 @@ class NavigationJob:
     start: StartSection | None = None
     evaluation: EvaluationSection = field(default_factory=EvaluationSection)
     unrounded: bool = False
+
+    def __post_init__(self) -> None:
+        if self.start is not None and self.navigation.gnss.coupling == "tight":
+            raise ConfigError(
+                "start: errors are drawn for loose coupling only; leave it out, and every run aligns itself"
+            )
 
     @property
     def name(self) -> str:
@@ -257,11 +268,7 @@ def _plan(job: NavigationJob) -> Plan:
         every = next((s for s in _STEPS if (end - begin) / s <= _LOOKS), _STEPS[-1])
     tight = job.navigation.gnss.coupling == "tight"
     initial, layout = None, None if tight else state_layout(job.navigation, spec)
-    if job.start is not None:
-        if layout is None:
-            raise InputError(
-                "start: errors are drawn for loose coupling only; leave it out, and every run aligns itself"
-            )
+    if job.start is not None and layout is not None:
         initial = _true_start(job.start, truth, begin, layout)
         first, record = begin, every
     else:

@@ -335,6 +335,7 @@ def test_gyroscopes_alone_are_identified_without_a_word_on_accelerometers(clean)
     assert identified.axes["gyro_z"].terms == before.axes["gyro_z"].terms
 
 
+@pytest.mark.campaign
 def test_a_triad_without_white_noise_has_a_budget_without_it():
     """Accelerometers of steps and a slow wander, as those of a laser gyro system; it was a TypeError."""
     rng = np.random.default_rng(1)

@@ -39,7 +39,7 @@ def alive(number):
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
-@pytest.mark.thinned(2)
+@pytest.mark.campaign
 @pytest.mark.parametrize("workers", [2, 1])
 def test_kill_9_at_half(tmp_path, executions, workers):
     import montecarlo_runs

@@ -354,6 +354,7 @@ def test_spirent_nees_is_in_band(spirent, name, runs):
     assert np.all(nees < 8.0)
 
 
+@pytest.mark.campaign
 def test_spirent_satellites_rise_and_set_without_a_jump(spirent, perfect):
     """G13 stops at 10:05, G08 at 10:07:28, G17 begins at 10:03; the reference time of the messages stays one."""
     _, e = perfect("none_tropo-none")

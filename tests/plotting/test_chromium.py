@@ -190,7 +190,7 @@ def test_report_answers_at_a_desk(report):
         assert chromium.requests(page) == ()
 
 
-@pytest.mark.thinned(4)
+@pytest.mark.campaign
 def test_report_fits_a_phone(report):
     with chromium.opened(report[1], 390) as page:
         check_page(page)
@@ -202,6 +202,7 @@ TRACK = "document.querySelector('.plot[data-figure=track]')"
 WIDTH = f"(r => r[1] - r[0])({TRACK}._fullLayout.xaxis.range)"
 
 
+@pytest.mark.campaign
 def test_one_zoom_and_one_time_for_all_figures_of_a_run(tmp_path, request):
     with chromium.opened(navigation(tmp_path, request), 1280) as page:
         chromium.wait_for(page, f"{UNDRAWN} === 0")

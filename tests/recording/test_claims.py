@@ -48,6 +48,7 @@ def test_claims_are_refused_and_take_no_memory(names):
     assert {label: mb for label, mb in grown.items() if mb > MOST_MB} == {}
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     "case",
     ["npy, a shape of 2 GB", "npz, zeros of 2 GB", "matlab5, packed zeros of 2 GB", "matlab5, a shape of 2 GB"],

@@ -119,7 +119,7 @@ def test_uploads_arrive_once_and_a_wrong_file_does_not_end_the_server(server, to
 
 @chromium.needed
 @pytest.mark.parametrize("path", ["/", "/navigate", "/noise", "/calibrate", "/coach", "/plan", "/runs"])
-@pytest.mark.thinned(3)
+@pytest.mark.thinned(7)
 def test_pages_fit_ask_nobody_else_and_say_no_error(server, path):
     for width in WIDTHS:
         with chromium.opened(server.page(path), width, dark=width == 390) as page:
@@ -162,6 +162,7 @@ def test_a_log_is_looked_at(server, town):
         assert chromium.errors(page) == ()
 
 
+@pytest.mark.campaign
 @chromium.needed
 def test_a_question_that_a_log_leaves_open_is_answered_by_a_button(server, town):
     """At rest nothing tells the unit of angular rate: Look reads with the answer, Navigate asks on for fixes."""
@@ -239,6 +240,7 @@ def test_columns_units_and_axes_are_chosen_by_menus(server, town):
         log.unlink()
 
 
+@pytest.mark.campaign
 @chromium.needed
 def test_an_outage_is_moved_and_the_cursor_is_on_the_track(server):
     at = "document.querySelector('.command pre')?.textContent.split('--outage ')[1]"

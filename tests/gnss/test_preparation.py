@@ -324,7 +324,7 @@ def test_no_observation_at_all(sky, plain):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"ionosphere": "nequick"}, "klobuchar, beidou, galileo, maps, free or none"),
+        ({"ionosphere": "nequick"}, "klobuchar, beidou, galileo, nequick-g, maps, free or none"),
         ({"troposphere": "hopfield"}, "saastamoinen or none"),
         ({"systems": "GX"}, "systems: expected letters"),
         ({"systems": ""}, "systems: expected letters"),

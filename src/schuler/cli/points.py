@@ -74,8 +74,9 @@ def points(
     cn0_mask
         Weakest signal in dB-Hz.
     ionosphere
-        klobuchar: model with GPS's coefficients; beidou, galileo: with those of that system; maps: of an IONEX file
-        among --nav; free: taken out by two bands; none: for simulators without one.
+        klobuchar: model with GPS's coefficients; beidou, galileo: with those of that system; nequick-g: with Galileo's,
+        too, by the library nequick; maps: of an IONEX file among --nav; free: taken out by two bands; none: for
+        simulators without one.
     troposphere
         saastamoinen, or none.
     risk

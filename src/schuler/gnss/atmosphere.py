@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from schuler.arrays import FloatArray
+from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.frames import llh_from_ecef
 from schuler.gnss.coarse import ReceiverPlace
@@ -14,10 +14,11 @@ from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.ionosphere import klobuchar, klobuchar_beidou
 from schuler.gnss.ionosphere_galileo import ntcm_g
 from schuler.gnss.ionosphere_maps import map_delays
+from schuler.gnss.ionosphere_nequick import check_nequick, nequick_g
 from schuler.gnss.troposphere import Mapping, saastamoinen
 from schuler.timebase import calendar
 
-Ionosphere = Literal["klobuchar", "beidou", "galileo", "maps", "free", "none"]
+Ionosphere = Literal["klobuchar", "beidou", "galileo", "nequick-g", "maps", "free", "none"]
 Troposphere = Literal["saastamoinen", "none"]
 
 #: Coefficients broadcast on 2021-04-28, a quiet Sun, for messages that have none.
@@ -35,16 +36,21 @@ class Atmosphere(NamedTuple):
 
 
 def check_models(ionosphere: str, troposphere: str) -> None:
-    """Refuse models that there are not."""
+    """Refuse models that there are not, or whose library is not installed."""
     if ionosphere not in get_args(Ionosphere):
-        raise InputError(f"ionosphere: expected klobuchar, beidou, galileo, maps, free or none, got {ionosphere!r}")
+        raise InputError(
+            f"ionosphere: expected klobuchar, beidou, galileo, nequick-g, maps, free or none, got {ionosphere!r}"
+        )
+    if ionosphere == "nequick-g":
+        check_nequick()
     if troposphere not in ("saastamoinen", "none"):
         raise InputError(f"troposphere: expected saastamoinen or none, got {troposphere!r}")
 
 
 def atmosphere(
-    ephemerides: Ephemerides, place: ReceiverPlace, gps_s: FloatArray, frequency_hz: FloatArray,
-    ionosphere: Ionosphere, troposphere: Troposphere, mapping: Mapping, humidity: float, remains: float,
+    ephemerides: Ephemerides, place: ReceiverPlace, sat: IntArray, r_sat_e: FloatArray, gps_s: FloatArray,
+    frequency_hz: FloatArray, ionosphere: Ionosphere, troposphere: Troposphere, mapping: Mapping, humidity: float,
+    remains: float,
 ) -> Atmosphere:  # fmt: skip
     """Delays of the models, zero where the place is not known."""
     none = np.zeros(len(gps_s))
@@ -55,6 +61,9 @@ def atmosphere(
     if ionosphere in ("klobuchar", "beidou", "galileo"):
         delay, notes, share = _broadcast(ephemerides, llh, place, gps_s, frequency_hz, ionosphere)
         sigma = remains * share * delay
+    elif ionosphere == "nequick-g":
+        delay = nequick_g(_galileo(ephemerides, ionosphere), place.r_e, r_sat_e, sat, gps_s, frequency_hz)
+        sigma = remains * delay
     elif ionosphere == "maps":
         delay, sigma, notes = _by_maps(ephemerides, llh, place, gps_s, frequency_hz, remains)
     wet = none
@@ -74,23 +83,27 @@ def _broadcast(
             'ionosphere: "beidou" needs BeiDou\'s coefficients among the ephemerides (RINEX: BDSA and BDSB), and there '
             'are none; take "klobuchar"'
         )
-    if asked == "galileo" and e.galileo_ai is None:
-        raise InputError(
-            'ionosphere: "galileo" needs Galileo\'s coefficients among the ephemerides (RINEX: GAL), and there are '
-            'none; take "klobuchar"'
-        )
     lacking = asked == "klobuchar" and None in (e.klobuchar_alpha, e.klobuchar_beta)
     if e.beidou_alpha is not None and e.beidou_beta is not None and (asked == "beidou" or lacking):
         notes = ["the messages have no Klobuchar coefficients of GPS: those of BeiDou, by its model"] if lacking else []
         return klobuchar_beidou(e.beidou_alpha, e.beidou_beta, *at), notes, 1.0
-    if e.galileo_ai is not None and asked == "galileo":
-        return ntcm_g(e.galileo_ai, *at), [], 1.0
+    if asked == "galileo":
+        return ntcm_g(_galileo(e, asked), *at), [], 1.0
     if e.klobuchar_alpha is not None and e.klobuchar_beta is not None:
         return klobuchar(e.klobuchar_alpha, e.klobuchar_beta, *at), [], 1.0
     note = "the messages have no Klobuchar coefficients: those of 2021-04-28 stand in, at twice the usual uncertainty"
     if e.galileo_ai is not None:
         note += '; they have those of Galileo, which ionosphere "galileo" takes'
     return klobuchar(STAND_IN_ALPHA, STAND_IN_BETA, *at), [note], 2.0
+
+
+def _galileo(ephemerides: Ephemerides, asked: Ionosphere) -> tuple[float, float, float]:
+    if ephemerides.galileo_ai is None:
+        raise InputError(
+            f'ionosphere: "{asked}" needs Galileo\'s coefficients among the ephemerides (RINEX: GAL), and there are '
+            'none; take "klobuchar"'
+        )
+    return ephemerides.galileo_ai
 
 
 def _by_maps(

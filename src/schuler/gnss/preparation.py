@@ -71,9 +71,9 @@ def prepare_ranges(
         Preferred signals by system, see :func:`schuler.gnss.signal_choice.choose_signals`.
     systems : str
         Letters of the systems to use.
-    ionosphere : {"klobuchar", "beidou", "galileo", "maps", "free", "none"}
+    ionosphere : {"klobuchar", "beidou", "galileo", "nequick-g", "maps", "free", "none"}
         Model with GPS's coefficients for all systems and frequencies, BeiDou's with its own (taken where GPS's are
-        missing, too); maps of the ephemerides, and that model where
+        missing, too), two with Galileo's; maps of the ephemerides, and that model where
         they have no value; combination of two frequencies; nothing.
     troposphere : {"saastamoinen", "none"}
     mapping, humidity
@@ -137,8 +137,8 @@ def prepare_ranges(
     )
     clock = receiver_clock(c.range_rate, corrected, states, place, epochs, epoch, usable)
     air = atmosphere(
-        ephemerides, place, epoch_gps_s + c.t, c.frequency_hz[:, 0], ionosphere, troposphere, mapping, humidity,
-        budget.ionosphere_share,
+        ephemerides, place, c.sat, states.r_e, epoch_gps_s + c.t, c.frequency_hz[:, 0], ionosphere, troposphere,
+        mapping, humidity, budget.ionosphere_share,
     )  # fmt: skip
     centre, first_centre = _phase_centres(antenna, c, place, air.notes, free=free)
     tide = _tides(ephemerides, states, place, epoch_gps_s + c.t, air.notes)

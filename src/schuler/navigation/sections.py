@@ -271,9 +271,9 @@ class TightSection(Section):
     """Raw satellite measurements: which are used, how they are corrected, the receiver's clock."""
 
     systems: str = Field("GEC", description="letters of the systems used: GPS, Galileo, BeiDou, Q(J)ZSS, GLONASS (R)")
-    ionosphere: Literal["klobuchar", "beidou", "galileo", "maps", "none", "free"] = Field(
+    ionosphere: Literal["klobuchar", "beidou", "galileo", "nequick-g", "maps", "none", "free"] = Field(
         "klobuchar",
-        description="klobuchar: GPS's coefficients; beidou, galileo: theirs; maps: an IONEX file; free: two bands",
+        description="klobuchar: GPS's; beidou, galileo, nequick-g: theirs; maps: an IONEX file; free: two bands",
     )
     troposphere: Literal["saastamoinen", "none"] = "saastamoinen"
     elevation_mask_deg: float = Field(10.0, description="satellites lower than this are left out")

@@ -9,7 +9,7 @@ from sky import EPOCH, HOME, OMEGA, ephemerides, observe
 from schuler.exceptions import InputError
 from schuler.frames import C_en, ecef_from_llh, llh_from_ecef
 from schuler.gnss.coarse import geometric_ranges
-from schuler.gnss.ephemerides import NEWER_SOURCE
+from schuler.gnss.ephemerides import B2B_SOURCE, NEWER_SOURCE
 from schuler.gnss.ionosphere import klobuchar
 from schuler.gnss.preparation import prepare_ranges
 from schuler.gnss.ranges import REASONS
@@ -305,6 +305,21 @@ def test_l5_has_the_delay_of_newer_messages(rng):
         old, new = (prepare_ranges(o, e, systems="G") for e in (eph, eph.merged_with(newer)))
         assert np.allclose(new.pseudorange - old.pseudorange, SPEED_OF_LIGHT * shift, rtol=0.0, atol=1e-6)  # rounding
         assert (new.sigma_range[new.used] < old.sigma_range[old.used]).all() == (band == "5Q")
+
+
+def test_b2b_has_the_delay_of_its_own_message(rng):
+    """Where both are broadcast B2b takes B-CNAV3's delay; B1I and B3I stay with D1 to the last bit."""
+    eph = ephemerides(rng, "C")
+    k = replace(eph.kepler, sat=eph.kepler.sat + 30)
+    eph = replace(eph, kepler=k)
+    own = np.stack((np.full(len(k), np.nan), np.full(len(k), 7e-9)), axis=1)
+    b2b = replace(eph, kepler=replace(k, source=np.full(len(k), B2B_SOURCE), group_delay=own))
+    plain = observe(eph, np.arange(3.0), lambda _: HOME, lambda t: 1e-4)
+    for band, shift in (("2I", 0.0), ("6I", 0.0), ("7D", -7e-9)):
+        o = replace(plain, signals=(band,))
+        old, new = (prepare_ranges(o, e, systems="C") for e in (eph, eph.merged_with(b2b)))
+        assert np.allclose(new.pseudorange - old.pseudorange, SPEED_OF_LIGHT * shift, rtol=0.0, atol=1e-6)  # rounding
+        assert (new.sigma_range[new.used] < old.sigma_range[old.used]).all() == (band == "7D")
 
 
 def test_a_causal_preparation_has_no_message_from_the_future(sky, plain):

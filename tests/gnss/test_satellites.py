@@ -4,11 +4,20 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import InputError
-from schuler.gnss.ephemerides import NEWER_SOURCE, Ephemerides, GlonassRecords, KeplerRecords, no_glonass, no_kepler
+from schuler.gnss.ephemerides import (
+    B2B_SOURCE,
+    NEWER_SOURCE,
+    Ephemerides,
+    GlonassRecords,
+    KeplerRecords,
+    no_glonass,
+    no_kepler,
+)
 from schuler.gnss.satellites import (
     MAX_AGE_S,
     choose_messages,
     group_delays,
+    is_b2b,
     is_f_nav,
     is_newer,
     satellite_states,
@@ -133,6 +142,22 @@ def test_newer_messages_where_asked_for_or_alone(sat):
     assert chosen(e, sat, [500.0, 700.0, 9500.0], f_nav=True) == [1, 1, 3]
 
 
+def test_the_message_of_b2b_where_asked_for_and_nowhere_else():
+    """Nearest of its own kind, else the older and the newer; B1I never takes it, whose delay it does not have."""
+    e = kepler(
+        {"sat": "C21", "toe": 0.0}, {"sat": "C21", "toe": 600.0, "source": B2B_SOURCE}, {"sat": "C21", "toe": 1200.0},
+        {"sat": "C22", "toe": 0.0, "source": B2B_SOURCE}, {"sat": "C23", "toe": 0.0, "source": NEWER_SOURCE},
+    )  # fmt: skip
+    assert is_newer(e.kepler).tolist() == [False, False, False, False, True]
+    assert chosen(e, "C21", [500.0, 1100.0]) == [0, 2]
+    assert chosen(e, "C21", [500.0, 1100.0], f_nav=True) == [0, 2]
+    assert chosen(e, "C21", [500.0, 1100.0, 4500.0], b2b=True) == [1, 1, 2]
+    assert chosen(e, "C21", [1100.0, 1100.0], b2b=[False, True]) == [2, 1]
+    assert chosen(e, "C22", [0.0]) == chosen(e, "C22", [0.0], f_nav=True) == [-1]
+    assert chosen(e, "C22", [0.0], b2b=True) == [3]
+    assert chosen(e, "C23", [0.0], b2b=True) == [4]
+
+
 def test_clock_polynomial_and_its_rate():
     e = kepler({"sat": "G05", "toe": 0.0, "toc": 100.0, "af0": 1e-4, "af1": 2e-11, "af2": 3e-18, "e": 0.0})
     t = np.array([-3000.0, 100.0, 4000.0])
@@ -178,7 +203,7 @@ def delays(message, *bands):
     e = kepler({"sat": "G05", "toe": 0.0} | message)
     n = len(bands)
     sat = np.full(n, e.kepler.sat[0])
-    s = satellite_states(e, sat, np.zeros(n), epoch_gps_s=EPOCH)
+    s = satellite_states(e, sat, np.zeros(n), epoch_gps_s=EPOCH, b2b=is_b2b(e.kepler)[0])
     return group_delays(s, sat, np.array(bands))
 
 
@@ -210,9 +235,19 @@ def test_galileo_delays_cancel_in_the_pair_of_the_message():
 
 
 def test_beidou_delays():
-    delay, is_stated = delays({"sat": "C20", "group_delay": (3e-9, -2e-9)}, 2, 7, 6, 1, 5)
+    delay, is_stated = delays({"sat": "C14", "group_delay": (3e-9, -2e-9)}, 2, 7, 6, 1, 5)
     assert delay.tolist() == [3e-9, -2e-9, 0.0, 3e-9, 0.0]
     assert is_stated.tolist() == [True, True, True, False, False]
+
+
+def test_b2b_has_a_delay_by_its_own_message_only():
+    """A satellite of the third generation repeats B1I's delay where others have that of B2I."""
+    delay, is_stated = delays({"sat": "C20", "group_delay": (3e-9, 3e-9)}, 2, 7, 6)
+    assert delay.tolist() == [3e-9, 0.0, 0.0]
+    assert is_stated.tolist() == [True, False, True]
+    delay, is_stated = delays({"sat": "C20", "group_delay": (np.nan, -2e-9), "source": B2B_SOURCE}, 7, 6, 2, 1, 5)
+    assert delay.tolist() == [-2e-9, 0.0, 0.0, 0.0, 0.0]
+    assert is_stated.tolist() == [True, True, False, False, False]
 
 
 def test_delays_of_newer_messages():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import FileFormatError
-from schuler.gnss.ephemerides import NEWER_SOURCE
+from schuler.gnss.ephemerides import B2B_SOURCE, NEWER_SOURCE
 from schuler.gnss.signals import satellite, satellite_name
 from schuler.recording.formats.rinex_navigation import glonass_channels, read_rinex_navigation
 from schuler.timebase import LeapSecondWarning, gps_from_calendar, leap_seconds
@@ -194,26 +194,30 @@ def test_messages_of_modernised_signals(read):
     """CNAV, CNAV-2, B-CNAV1 and 2: elements, rates, delays of L5, B1C and B2a, accuracy by its index."""
     blocks = [
         ("G01 CNAV", newer()), ("G03 CNV2", newer(tall=True)), ("J02 CNAV", newer(ura=15.0)),
-        ("C21 CNV1", newer(beidou=True)), ("C21 CNV2", newer(beidou=True, health=1.0)), ("G04 LNAV", orbit()),
-        ("C21 CNV3", newer(beidou=True)[:35]),
+        ("C21 CNV1", newer(beidou=True)), ("C21 CNV2", newer(beidou=True, health=1.0)),
+        ("C23 CNV3", newer(beidou=True)[:27]), ("G04 LNAV", orbit()),  # the first of them a line too short
+        ("C22 CNV3", [*newer(beidou=True)[:27], 5.0, 2.0, 0.0, -7e-9, 34_812.0, None]),
     ]  # fmt: skip
     nav = read(HEAD_4 + "".join(f"> EPH {name}\n{message(name[:3], DATE_3, body)}" for name, body in blocks))
     k = nav.kepler
-    assert [satellite_name(s) for s in k.sat] == ["G04", "G01", "G03", "C21", "C21", "J02"]
-    assert (k.source == NEWER_SOURCE).tolist() == [False, True, True, True, True, True]
+    assert [satellite_name(s) for s in k.sat] == ["G04", "G01", "G03", "C21", "C21", "C22", "J02"]
+    assert k.source.tolist() == [0, *[NEWER_SOURCE] * 4, B2B_SOURCE, NEWER_SOURCE]
     expected = dict(zip(KEPLER, orbit(), strict=True))
     for name in KEPLER[:3] + KEPLER[4:11] + KEPLER[12:20]:
         assert (getattr(k, name) == float(number(expected[name]).replace("D", "E"))).all(), name
-    np.testing.assert_array_equal(k.a_dot, [0.0, *[-3.7e-3] * 5])
-    np.testing.assert_array_equal(k.delta_n_dot, [0.0, *[7e-14] * 5])
-    np.testing.assert_array_equal(k.toe, TEN + np.array([0.0, 0.0, 0.0, 14.0, 14.0, 0.0]))
+    np.testing.assert_array_equal(k.a_dot, [0.0, *[-3.7e-3] * 6])
+    np.testing.assert_array_equal(k.delta_n_dot, [0.0, *[7e-14] * 6])
+    behind = np.array([0.0, 0.0, 0.0, 14.0, 14.0, 14.0, 0.0])
+    np.testing.assert_array_equal(k.toe, TEN + behind)
     np.testing.assert_array_equal(k.toc, k.toe)
-    np.testing.assert_array_equal(k.sent, SUNDAY + 34_818.0 + np.array([0.0, 0.0, 0.0, 14.0, 14.0, 0.0]))
+    np.testing.assert_array_equal(k.sent, SUNDAY + 34_818.0 + behind - 6.0 * (k.source == B2B_SOURCE))
     np.testing.assert_allclose(k.group_delay[1:3], [[5e-9, 4.6e-9]] * 2, rtol=1e-12)
     np.testing.assert_array_equal(k.group_delay[3:5], [[3e-9, -2e-9]] * 2)
     np.testing.assert_allclose(k.accuracy[1:3], np.hypot(4.0, 1.0), rtol=1e-12)  # of the indices 2 and -2
+    np.testing.assert_array_equal(k.group_delay[5], [np.nan, -7e-9])
     assert np.isnan(k.accuracy[3:]).all()
-    assert k.health.tolist() == [0, 0, 0, 0, 1, 0]
+    assert k.health.tolist() == [0, 0, 0, 0, 1, 2, 0]
+    assert k.issue[3:6].tolist() == [57, 57, -1]
     assert nav.notes == ("Messages that are not used: 1 BeiDou CNV3.",)
 
 

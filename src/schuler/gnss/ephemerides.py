@@ -16,6 +16,8 @@ from schuler.gnss.precise import PreciseClocks, PreciseOrbits
 
 #: In ``KeplerRecords.source``: a message of the modernised signals.
 NEWER_SOURCE = 0x1000
+#: The same: BeiDou's message of B2b, B-CNAV3.
+B2B_SOURCE = 0x2000
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,8 @@ class KeplerRecords:
         Harmonic corrections of latitude argument [rad], radius [m] and inclination [rad].
     group_delay : ndarray, shape (n, 2)
         GPS, QZSS: TGD and NaN, of newer messages TGD and the delay of L5 (TGD less its ISC); Galileo: BGD E5a/E1 and
-        BGD E5b/E1; BeiDou: TGD1 (B1/B3) and TGD2 (B2/B3), of newer messages those of B1C's and B2a's pilots. [s]
+        BGD E5b/E1; BeiDou: TGD1 (B1/B3) and TGD2 (B2/B3), of newer messages those of B1C's and B2a's pilots, of
+        B-CNAV3 NaN and that of B2b. [s]
     health : ndarray of int, shape (n,)
         0 is usable; anything else as broadcast.
     accuracy : ndarray, shape (n,)
@@ -49,7 +52,7 @@ class KeplerRecords:
     source : ndarray of int, shape (n,)
         Galileo's data source word (bit 0: I/NAV E1-B, bit 1: F/NAV E5a, bit 2: I/NAV E5b; bit 8: clock for E5a/E1,
         bit 9: clock for E5b/E1), 0 for the others, but :data:`NEWER_SOURCE` of GPS's and QZSS's CNAV and CNAV-2 and of
-        BeiDou's B-CNAV1 and B-CNAV2.
+        BeiDou's B-CNAV1 and B-CNAV2, :data:`B2B_SOURCE` of B-CNAV3.
     a_dot, delta_n_dot : ndarray, shape (n,), optional
         Rates of the semi-major axis [m/s] and of the mean motion difference [rad/s^2], which newer messages have; 0.
     """

@@ -193,10 +193,12 @@ def _sent(
 ) -> _Sent:  # fmt: skip
     """Choose each row's message and place its satellite at the time of transmission."""
     beidou = c.sat // 100 == SYSTEMS.index("C")
+    b2b = beidou & (c.bands == 7).any(axis=1) & np.isin(c.bands, (0, 6, 7)).all(axis=1)
     modern = (c.bands == 5).any(axis=1) | (beidou & (c.bands == 1).any(axis=1))
     record = choose_messages(
-        ephemerides, c.sat, c.t - _FLIGHT_S, epoch_gps_s=epoch_gps_s, f_nav=modern, causal=causal, max_age_s=max_age_s
-    )
+        ephemerides, c.sat, c.t - _FLIGHT_S, epoch_gps_s=epoch_gps_s, f_nav=modern,
+        b2b=b2b & (ephemerides.precise_orbits is None), causal=causal, max_age_s=max_age_s,
+    )  # fmt: skip
     flight, measured, plausible = _flight_ranges(c.pseudorange, epoch, int(epoch.max(initial=-1)) + 1)
     t_sent = transmission_times(ephemerides, c.sat, c.t, flight, record, epoch_gps_s=epoch_gps_s)
     states = states_of_messages(ephemerides, c.sat, t_sent, record, epoch_gps_s=epoch_gps_s)

@@ -11,7 +11,7 @@ import numpy as np
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.gnss.antennas import satellite_offsets
-from schuler.gnss.ephemerides import NEWER_SOURCE, Ephemerides, KeplerRecords
+from schuler.gnss.ephemerides import B2B_SOURCE, NEWER_SOURCE, Ephemerides, KeplerRecords
 from schuler.gnss.orbits import glonass_states, kepler_states
 from schuler.gnss.precise import PreciseOrbits, precise_clocks, precise_positions, relativistic_clock
 from schuler.gnss.signals import BANDS, SPEED_OF_LIGHT, SYSTEMS
@@ -23,6 +23,7 @@ MAX_AGE_S: Mapping[str, float] = MappingProxyType(
 )
 _SENT_BEFORE_TOE_S = MappingProxyType({"G": 2.0 * HR, "J": 1.0 * HR, "I": 1.0 * HR})  # where the file does not say
 _SLACK_S = 1.0  # a time of transmission lies 0.1 s before the round hour of its reception
+_LAST_OF_B2I = 16  # number of the last satellite of BeiDou's second generation
 _E, _R, _C = (SYSTEMS.index(letter) for letter in "ERC")
 #: 1-sigma of a delay that is not broadcast (differential code biases of satellites scatter by some ns). [m]
 UNKNOWN_DELAY = 1.0
@@ -46,6 +47,8 @@ class SatelliteStates:
         Galileo: the clock is that of E5a/E1 (F/NAV), else of E5b/E1 (I/NAV).
     newer : ndarray of bool, shape (n,)
         The message is one of the modernised signals: CNAV, CNAV-2, B-CNAV1, B-CNAV2.
+    b2b : ndarray of bool, shape (n,)
+        The message is BeiDou's of B2b, B-CNAV3.
     accuracy : ndarray, shape (n,)
         As broadcast; NaN where unknown. [m]
     healthy : ndarray of bool, shape (n,)
@@ -64,6 +67,7 @@ class SatelliteStates:
     group_delay: FloatArray
     f_nav: BoolArray
     newer: BoolArray
+    b2b: BoolArray
     accuracy: FloatArray
     healthy: BoolArray
     has_message: BoolArray
@@ -88,6 +92,11 @@ def is_newer(records: KeplerRecords) -> BoolArray:
     return np.asarray((records.source & NEWER_SOURCE) > 0)
 
 
+def is_b2b(records: KeplerRecords) -> BoolArray:
+    """Whether a message is BeiDou's of B2b, B-CNAV3. Shape (n,)."""
+    return np.asarray((records.source & B2B_SOURCE) > 0)
+
+
 def choose_messages(
     ephemerides: Ephemerides,
     sat: ArrayLike,
@@ -95,6 +104,7 @@ def choose_messages(
     *,
     epoch_gps_s: float = 0.0,
     f_nav: ArrayLike = False,
+    b2b: ArrayLike = False,
     causal: bool = False,
     max_age_s: Mapping[str, float] | None = None,
 ) -> IntArray:
@@ -111,6 +121,8 @@ def choose_messages(
     f_nav : array_like of bool, shape () or (n,)
         For Galileo: prefer F/NAV (E5a/E1 clock) to I/NAV (E5b/E1). For GPS, QZSS and BeiDou: prefer messages of the
         modernised signals. Where the preferred kind is not there, the other is taken.
+    b2b : array_like of bool, shape () or (n,)
+        For BeiDou: prefer B-CNAV3, which has B2b's group delay and none but that. Nowhere else it is used.
     causal : bool
         Do not use messages before they were sent. If a file does not say when, the beginning of the usual interval is
         assumed: GPS 2 h, QZSS and NavIC 1 h before the reference time, the others at the reference time.
@@ -133,7 +145,10 @@ def choose_messages(
         raise InputError(f"expected satellites and times of one shape (n,), got {sat.shape} and {t.shape}")
     limits = {**MAX_AGE_S, **(max_age_s or {})}
     prefer_f_nav = np.broadcast_to(np.asarray(f_nav, dtype=bool), sat.shape)
-    kind_of_record = is_f_nav(ephemerides.kepler) | is_newer(ephemerides.kepler)
+    preferred = np.where(np.broadcast_to(np.asarray(b2b, dtype=bool), sat.shape), 2, prefer_f_nav.astype(np.int64))
+    kind_of_record = np.where(
+        is_b2b(ephemerides.kepler), 2, (is_f_nav(ephemerides.kepler) | is_newer(ephemerides.kepler)).astype(np.int64)
+    )
     chosen = np.full(sat.shape, -1, dtype=np.int64)
     for one in np.unique(sat):
         letter = SYSTEMS[one // 100]
@@ -144,9 +159,10 @@ def choose_messages(
         sent = np.where(np.isnan(sent), records.toe[rows] - _SENT_BEFORE_TOE_S.get(letter, 0.0), sent)
         kinds = [(rows >= 0, at)]
         if letter in "GEJC":
-            f = kind_of_record[rows]
-            kinds = [(f == kind, at[prefer_f_nav[at] == kind]) for kind in (False, True)]
-            kinds += [(f != kind, at[prefer_f_nav[at] == kind]) for kind in (False, True)]  # the other kind, if need be
+            kind, wanted = kind_of_record[rows], preferred[at]
+            # the preferred kind, or else the others
+            orders = ((0, (0, 1)), (1, (1, 0)), (2, (2, 0, 1)))
+            kinds = [(kind == k, at[wanted == first]) for first, order in orders for k in order]
         for mine, places in kinds:
             places = places[chosen[places] < 0]
             if len(places) and mine.any():
@@ -164,6 +180,7 @@ def satellite_states(
     *,
     epoch_gps_s: float = 0.0,
     f_nav: ArrayLike = False,
+    b2b: ArrayLike = False,
     causal: bool = False,
     max_age_s: Mapping[str, float] | None = None,
 ) -> SatelliteStates:
@@ -171,7 +188,7 @@ def satellite_states(
 
     Parameters
     ----------
-    ephemerides, sat, t, epoch_gps_s, f_nav, causal, max_age_s
+    ephemerides, sat, t, epoch_gps_s, f_nav, b2b, causal, max_age_s
         See :func:`choose_messages`.
 
     Notes
@@ -186,7 +203,7 @@ def satellite_states(
     sat = np.asarray(sat, dtype=np.int64)
     t = np.asarray(t, dtype=np.float64)
     record = choose_messages(
-        ephemerides, sat, t, epoch_gps_s=epoch_gps_s, f_nav=f_nav, causal=causal, max_age_s=max_age_s
+        ephemerides, sat, t, epoch_gps_s=epoch_gps_s, f_nav=f_nav, b2b=b2b, causal=causal, max_age_s=max_age_s
     )
     return states_of_messages(ephemerides, sat, t, record, epoch_gps_s=epoch_gps_s)
 
@@ -200,7 +217,7 @@ def states_of_messages(
     r_e, v_e = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     clock, clock_rate, age, accuracy = (np.full(n, np.nan) for _ in range(4))
     group_delay = np.full((n, 2), np.nan)
-    healthy, f, newer = (np.zeros(n, dtype=bool) for _ in range(3))
+    healthy, f, newer, b2b = (np.zeros(n, dtype=bool) for _ in range(4))
 
     m = np.flatnonzero(has_message & ~glonass)
     k, row = ephemerides.kepler, record[m]
@@ -210,6 +227,7 @@ def states_of_messages(
     clock[m], clock_rate[m] = polynomial + orbit.clock, rate + orbit.clock_rate
     group_delay[m], accuracy[m], healthy[m] = k.group_delay[row], k.accuracy[row], k.health[row] == 0
     age[m], f[m], newer[m] = t[m] - (k.toe[row] - epoch_gps_s), is_f_nav(k)[row], is_newer(k)[row]
+    b2b[m] = is_b2b(k)[row]
 
     m = np.flatnonzero(has_message & glonass)
     g, row = ephemerides.glonass, record[m]
@@ -217,7 +235,7 @@ def states_of_messages(
     age[m] = t[m] - (g.toe[row] - epoch_gps_s)
     clock[m], clock_rate[m], healthy[m] = g.clock[row] + g.rate[row] * age[m], g.rate[row], g.health[row] == 0
     states = SatelliteStates(
-        r_e, v_e, clock, clock_rate, group_delay, f, newer, accuracy, healthy, has_message, age, record
+        r_e, v_e, clock, clock_rate, group_delay, f, newer, b2b, accuracy, healthy, has_message, age, record
     )
     if ephemerides.precise_orbits is None:
         return states
@@ -345,7 +363,8 @@ def group_delays(states: SatelliteStates, sat: IntArray, bands: IntArray) -> tup
     The table is in docs/gnss-models.md. With ``gamma = (f_1/f_2)^2``: GPS and QZSS L1 TGD, L2 gamma TGD (clock of the
     L1/L2 combination). Galileo E1 BGD, E5 gamma BGD of the message's own pair; the second pair of an I/NAV message is
     reached through E1. BeiDou's clock is that of B3I: B1I TGD1, B2I TGD2, B3I none. Newer messages broadcast L5 (GPS,
-    QZSS), B1C and B2a (BeiDou, whose B1I they do not have). GLONASS: none broadcast here.
+    QZSS), B1C and B2a, or B2b (BeiDou, whose B1I they do not have). Satellites of BeiDou from C17 on have B2b in B2I's
+    place, and their D1 messages broadcast TGD1 once more as TGD2. GLONASS: none broadcast here.
 
     References
     ----------
@@ -379,7 +398,8 @@ def group_delays(states: SatelliteStates, sat: IntArray, bands: IntArray) -> tup
     put("E", 6, own, broadcast=False)
     newer, none = states.newer, np.zeros(len(sat))
     put("C", 2, first, ~newer)
-    put("C", 7, np.where(newer, np.nan, second))
+    own_b2 = states.b2b | ~newer & (sat % 100 <= _LAST_OF_B2I)
+    put("C", 7, np.where(own_b2, second, np.nan))
     put("C", 6, none)
     put("C", 1, first, newer)
     put("C", 5, np.where(newer & np.isfinite(second), second, 0.0), newer & np.isfinite(second))

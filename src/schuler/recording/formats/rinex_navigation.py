@@ -17,6 +17,7 @@ import numpy as np
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError
 from schuler.gnss.ephemerides import (
+    B2B_SOURCE,
     NEWER_SOURCE,
     Ephemerides,
     GlonassRecords,
@@ -48,6 +49,7 @@ _ISSUE, _TOE, _SOURCE, _ACCURACY, _HEALTH, _DELAY, _SENT = 3, 11, 20, 23, 24, 25
 # of messages of modernised signals, those of BeiDou with a B
 _A_DOT, _N_DOT, _URA_NED, _URA_ED, _ISC_L5, _SENT_NEWER = 3, 20, 21, 23, 30, (31, 35)
 _DELAYS_B, _HEALTH_B, _ISSUE_B = 29, 32, 38
+_HEALTH_B2B, _DELAY_B2B = 28, 30
 _CHANNELS = (-7, 13)
 T = TypeVar("T", KeplerRecords, GlonassRecords)
 
@@ -72,8 +74,8 @@ def read_rinex_navigation(path: Path | str) -> Ephemerides:
         blank element are left out, as are repeated ones: same satellite, times, issue, source and health, of which the
         first counts. All zero coefficients of an ionosphere are none. Notes say all of this.
 
-        Of version 4, messages LNAV, CNAV, CNV2 (GPS, QZSS), INAV, FNAV, D1, D2, CNV1, CNV2 (BeiDou) and FDMA are read;
-        BeiDou's CNV3, SBAS, NavIC, time offsets and Earth orientation are counted in the notes.
+        Of version 4, messages LNAV, CNAV, CNV2 (GPS, QZSS), INAV, FNAV, D1, D2, CNV1 to CNV3 (BeiDou) and FDMA are
+        read; SBAS, NavIC, time offsets and Earth orientation are counted in the notes.
 
     Raises
     ------
@@ -90,7 +92,7 @@ def read_rinex_navigation(path: Path | str) -> Ephemerides:
     orbits = Ephemerides(no_kepler(), glonass_records(file, records.of("R")))
     for system in "GECJ":
         orbits = orbits.merged_with(Ephemerides(kepler_records(file, records.of(system), system), no_glonass()))
-        for name in ("CNAV", "CNV1", "CNV2"):
+        for name in ("CNAV", "CNV1", "CNV2", "CNV3"):
             newer = newer_records(file, records.of(system, name), system, name)
             orbits = orbits.merged_with(Ephemerides(newer, no_glonass()))
     ionosphere = _ionosphere(file, records.ionosphere)
@@ -196,13 +198,13 @@ def kepler_records(file: RinexFile, records: Records, system: str) -> KeplerReco
 
 
 def newer_records(file: RinexFile, records: Records, system: str, name: str) -> KeplerRecords:
-    """Orbits of the modernised signals: GPS's and QZSS's CNAV, CNV2 (CNAV-2), BeiDou's CNV1, CNV2 (B-CNAV1, 2).
+    """Orbits of the modernised signals: GPS's and QZSS's CNAV, CNV2 (CNAV-2), BeiDou's CNV1 to CNV3 (B-CNAV1 to 3).
 
     Notes
     -----
     GPS and QZSS state no reference time of the orbit, which is that of the clock. Their accuracy is that of both parts
-    of the orbit (URA, nominal values) together; BeiDou's indices are passed over. Health bits of any of a satellite's
-    signals make it unusable.
+    of the orbit (URA, nominal values) together; BeiDou's indices are passed over, and CNV3 states no issue. Health
+    bits of any of a satellite's signals make it unusable.
 
     References
     ----------
@@ -210,11 +212,15 @@ def newer_records(file: RinexFile, records: Records, system: str, name: str) -> 
     """
     if not len(records.line):
         return no_kepler()
-    beidou, tall = system == "C", name != "CNAV"
+    beidou, b2b, tall = system == "C", name == "CNV3", name not in ("CNAV", "CNV3")
     values, toc = fields(file, records, 10 if tall else 9), dates(file, records).astype(np.float64)
     toe = _near(values[:, _TOE], toc, WEEK_S) if beidou else toc
     health, issue = values[:, _HEALTH_B if beidou else _HEALTH], np.full(len(toc), -1.0)
-    if beidou:
+    if b2b:
+        health = values[:, _HEALTH_B2B]
+        delay, accuracy = values[:, [_DELAY_B2B] * 2].copy(), np.full(len(toc), np.nan)
+        delay[:, 0] = np.nan
+    elif beidou:
         issue = values[:, _ISSUE_B]
         delay, accuracy = values[:, _DELAYS_B : _DELAYS_B + 2].copy(), np.full(len(toc), np.nan)
     else:
@@ -227,7 +233,7 @@ def newer_records(file: RinexFile, records: Records, system: str, name: str) -> 
         health=_whole(health),
         accuracy=accuracy,
         issue=_whole(issue, -1),
-        source=np.full(len(toc), NEWER_SOURCE),
+        source=np.full(len(toc), B2B_SOURCE if b2b else NEWER_SOURCE),
         a_dot=values[:, _A_DOT],
         delta_n_dot=values[:, _N_DOT],
     )

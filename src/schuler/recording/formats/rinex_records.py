@@ -19,7 +19,7 @@ _DATE_2 = ((3, 2), (6, 2), (9, 2), (12, 2), (15, 2), (17, 5))
 #: Messages of version 4 that are laid out as the only ones of version 3 are, by system.
 _KNOWN = {"G": ("LNAV",), "J": ("LNAV",), "E": ("INAV", "FNAV"), "C": ("D1", "D2", "D1D2"), "R": ("FDMA",)}
 #: Messages of the modernised signals, and their lines.
-_NEWER = {"G": {"CNAV": 9, "CNV2": 10}, "J": {"CNAV": 9, "CNV2": 10}, "C": {"CNV1": 10, "CNV2": 10}}
+_NEWER = {"G": {"CNAV": 9, "CNV2": 10}, "J": {"CNAV": 9, "CNV2": 10}, "C": {"CNV1": 10, "CNV2": 10, "CNV3": 9}}
 _HEIGHTS = {"R": (4, 5)}  # the fifth line came with version 3.05
 _KEPLER_HEIGHT = (8, 8)
 

@@ -361,14 +361,11 @@ def run(
     rec = RecordArrays.of_size(n_rec, n)
     edges, keeps = _parts(increments, state, used.t, n_rec) if options.smoother else ([0, N], (0, 0))
     node = NodeArrays.of_size(*keeps, n, layout.n_sensor)
-    dtheta, dv, dt, t = (
-        np.ascontiguousarray(x) for x in (increments.dtheta_ib_b, increments.dv_ib_b, increments.dt, increments.t)
-    )
 
     def filter_epochs(first: int, stop: int, out: TrajectoryArrays, rec: RecordArrays) -> None:
         for start in range(first, stop, _CHUNK):
             part = slice(start, min(start + _CHUNK, stop))
-            stream = ImuStream(dtheta[part], dv[part], dt[part], t[part], part.stop == N)
+            stream = ImuStream(*increments.arrays(part), part.stop == N)
             k.run_filter(stream, aiding, state.arrays, state.model, state.settings, state.work, out, rec, node)
             if progress is not None and len(out.t):
                 progress(part.stop / N)
@@ -431,9 +428,12 @@ def _parts(
 ) -> tuple[list[int], tuple[int, int]]:
     """Edges of the parts [epochs] whose nodes are kept at a time, and the most nodes and updates of any of them."""
     N, n = len(increments), state.layout.size
-    turned = np.linalg.norm(increments.dtheta_ib_b, axis=1)
+    dt, turned = increments.dt, np.empty(N)
+    for first in range(0, N, _CHUNK):
+        part = slice(first, first + _CHUNK)
+        turned[part] = np.linalg.norm(increments.arrays(part)[0], axis=1)
     size = 8 * (n * (n + 1) // 2 + 9 * state.layout.n_sensor + 13)
-    bytes_ = size * _most_nodes(increments.dt, turned, state, len(t_used), records)
+    bytes_ = size * _most_nodes(dt, turned, state, len(t_used), records)
     step = max(int(_NODE_BYTES / bytes_ * N) // _CHUNK, 1) * _CHUNK if bytes_ > _NODE_BYTES else N
     edges = [*range(0, N, step), N]
     # as the filter takes them, in the first part with those before the start
@@ -442,7 +442,7 @@ def _parts(
     for first, stop, count in zip(edges, edges[1:], updates.tolist(), strict=False):
         part, span = slice(first, stop), increments.t[stop - 1] - increments.t[first]
         due = int(span / state.options.record_s) + 3
-        most = max(most, _most_nodes(increments.dt[part], turned[part], state, count, due) + 1)
+        most = max(most, _most_nodes(dt[part], turned[part], state, count, due) + 1)
     return edges, (most, int(updates.max()))
 
 

@@ -72,7 +72,19 @@ class Increments:
                 f"no IMU interval lies within {start:.3f}..{stop:.3f} s; "
                 f"the log runs {self.start:.3f}..{self.t[-1]:.3f} s"
             )
-        return Increments(self.t[keep], self.dt[keep], self.dtheta_ib_b[keep], self.dv_ib_b[keep])
+        return self._part(keep)
+
+    def arrays(self, rows: slice) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Integrals of angular rate [rad] and specific force [m/s], lengths and ends [s] of some intervals."""
+        return self.dtheta_ib_b[rows], self.dv_ib_b[rows], self.dt[rows], self.t[rows]
+
+    def shifted(self, seconds: float) -> Increments:
+        """The same increments, their intervals ``seconds`` later."""
+        return replace(self, t=self.t + seconds)
+
+    def _part(self, rows: slice) -> Increments:
+        dtheta, dv, dt, t = self.arrays(rows)
+        return Increments(t, dt, dtheta, dv)
 
 
 @dataclass(frozen=True, repr=False)
@@ -155,8 +167,6 @@ class ImuSeries(Displayed):
         interval only (samples that were lost). Which one, its size beside gravity's says; in the second case it is
         stretched over the pause, as a rate would be held.
         """
-        from schuler.sensors.increments import integrate_rates
-
         if self.kind == "increment":
             first = self.interval if len(self.t) > 1 else 1.0
             dt = np.diff(self.t, prepend=self.t[0] - first)
@@ -164,10 +174,9 @@ class ImuSeries(Displayed):
             if stretch is None:
                 return Increments(self.t, dt, self.gyro, self.accel)
             return Increments(self.t, dt, self.gyro * stretch[:, None], self.accel * stretch[:, None])
-        dt = np.diff(self.t)
-        return Increments(
-            self.t[1:], dt, integrate_rates(self.t, self.gyro, order), integrate_rates(self.t, self.accel, order)
-        )
+        from schuler.recording.integrated_rates import integrated
+
+        return integrated(self, order)
 
     def rates(self) -> ImuSeries:
         """The log as mean rates over the sample intervals; itself if it already holds rates."""

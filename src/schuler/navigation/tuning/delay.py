@@ -164,7 +164,7 @@ def _on_stamps(run: PreparedRun) -> PreparedRun:
     fixes = run.schedule.where(np.isin(run.schedule.kind, TUNING_KINDS))
     return replace(
         run,
-        increments=replace(run.increments, t=run.increments.t - later),
+        increments=run.increments.shifted(-later),
         schedule=replace(fixes, t=fixes.t - later),
         initial=replace(run.initial, nav=replace(nav, t=nav.t - later)),
     )

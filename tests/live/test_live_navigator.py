@@ -15,6 +15,7 @@ from schuler.filtering.engine import run
 from schuler.filtering.measurements import MeasurementSchedule
 from schuler.live import Event, LiveNavigator
 from schuler.navigation.config import NavigationConfig
+from schuler.navigation.inputs.antenna import ANTENNA_POINT, antenna_note
 from schuler.navigation.inputs.imu_axes import AXES_UNCERTAIN
 from schuler.navigation.run import navigate, prepared_run
 from schuler.recording.io import read
@@ -93,6 +94,22 @@ def test_an_attitude_claimed_as_its_axes_are_known_is_said_once(recording):
     assert "budget states to 1.1 deg" in text
     assert uncertain.solution().sigma_psi_n.min() > 0.999 * 0.02
     assert not texts(exact, "imu")
+
+
+@pytest.mark.parametrize("sigma_scale", [0.2, 5.0])
+def test_positions_of_the_antenna_are_said_once(recording, sigma_scale):
+    """In the words of the batch run, where they are claimed well enough to tell it from the IMU."""
+    part = recording.between(0.0, 70.0)
+    arm = cases.CONFIG["gnss"]["lever_arm_m"]
+    for gnss, said in (({}, sigma_scale < 1.0), ({"lever_arm_m": arm}, False), ({"lever_sigma_m": 0.5}, False)):
+        live = live_run(part, {**cases.CONFIG, "gnss": {"sigma_scale": sigma_scale, "gate": "off", **gnss}})
+        cases.fed(live, part, block=50)
+        found = [e for e in live.events if e.text.startswith(ANTENNA_POINT)]
+        assert [e.kind for e in found] == ["measurement"] * said
+        if said:
+            P = live.covariance
+            assert antenna_note(np.array([[0.3, 0.4]]))[0].split(":")[1] == found[0].text.split(":")[1]
+            assert np.hypot(*np.sqrt(P.diagonal()[6:8])) < 1.0
 
 
 def test_a_fix_later_than_the_lag_is_said_and_left_out(recording):

@@ -22,6 +22,7 @@ from schuler.live.replay import ReplayFilter
 from schuler.live.warm import Kept, stood
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import NavigationConfig
+from schuler.navigation.inputs.antenna import antenna_note, is_of_antenna
 from schuler.navigation.inputs.imu_axes import axes_covariance, axes_note, claimed_attitude
 from schuler.navigation.start.calibration import configured_start
 from schuler.navigation.states import imu_spec
@@ -98,6 +99,13 @@ class LiveRun:
             return []
         P = self.filter.state.covariance_e[:3, :3]
         return axes_note(self.axes_covariance_b, P, calibrated=self.provenance is not None)
+
+    def antenna_note(self, config: NavigationConfig) -> list[str]:
+        """A sentence if positions are the antenna's, and claimed better than the IMU may be apart from it."""
+        kinds = np.concatenate((self.monitor.settled["kind"], self.filter.judged().kind))
+        if not is_of_antenna(config, kinds, self.filter.layout):
+            return []
+        return antenna_note(np.sqrt(self.claimed_covariance_n.diagonal()[6:8])[None])
 
     @property
     def is_broken(self) -> bool:

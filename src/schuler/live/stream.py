@@ -83,7 +83,7 @@ class LiveStream:
         self.stood_still = False
         self.span_s = _COLLECTED_S
         self._intake = Intake(self.satellites, self.say)
-        self._axes_said = False
+        self._axes_said = self._antenna_said = False
         self._begin()
 
     def _begin(self) -> None:
@@ -207,7 +207,10 @@ class LiveStream:
             self._collection = None
 
     def _judge(self, run: LiveRun) -> None:
-        """Let go of what is too old; say when the health changes, and once that the axes limit the attitude's claim."""
+        """Let go of what is too old; say when the health changes, and once what a claim does not hold.
+
+        Attitudes are known no better than the sensors' axes; positions may be the antenna's.
+        """
         health = run.judge()
         if run.is_broken:
             self._restart("the filter failed: its numbers are none")
@@ -218,6 +221,10 @@ class LiveStream:
             for sentence in run.axes_note():
                 self.say("imu", sentence, "axes")
                 self._axes_said = True
+        if health == "ok" and not self._antenna_said:
+            for sentence in run.antenna_note(self.config):
+                self.say("measurement", sentence, "antenna")
+                self._antenna_said = True
 
     def _start(self) -> None:
         """Align over what came so far, and filter from there to the newest sample.

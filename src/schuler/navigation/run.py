@@ -123,7 +123,7 @@ def navigate(
         ended = forward.t[-1] - recording.start
         notes.append(f"interrupted at {ended:.1f} s of the recording; the solution ends there")
     notes += rejections(schedule.kind, forward.status, schedule.t, schedule.R, forward.noise_factors)
-    if is_of_antenna(config, schedule, prepared.layout):
+    if is_of_antenna(config, schedule.kind, prepared.layout):
         provenance["point"] = "antenna"
     result = NavigationResult.from_run(
         forward,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from schuler.arrays import FloatArray
-from schuler.filtering.measurements import POSITION, PSEUDORANGE, RESET_POSITION, MeasurementSchedule
+from schuler.arrays import FloatArray, IntArray
+from schuler.filtering.measurements import POSITION, PSEUDORANGE, RESET_POSITION
 from schuler.filtering.states import StateLayout
 from schuler.navigation.config import NavigationConfig
 
@@ -14,9 +14,17 @@ ANTENNA_POINT = "positions are those of the antenna"
 _LARGE_M = 1.0  # claim beside which antennas on vehicles and in hands are near enough to the IMU, horizontal 1-sigma
 
 
-def is_of_antenna(config: NavigationConfig, schedule: MeasurementSchedule, layout: StateLayout) -> bool:
-    """Whether the solution is the antenna's, since its lever arm is neither stated nor estimated."""
-    placed = np.isin(schedule.kind, (POSITION, PSEUDORANGE, RESET_POSITION)).any()
+def is_of_antenna(config: NavigationConfig, kinds: IntArray, layout: StateLayout) -> bool:
+    """Whether the solution is the antenna's, since its lever arm is neither stated nor estimated.
+
+    Parameters
+    ----------
+    config : NavigationConfig
+    kinds : ndarray of int, shape (m,)
+        Kinds of the measurements.
+    layout : StateLayout
+    """
+    placed = np.isin(kinds, (POSITION, PSEUDORANGE, RESET_POSITION)).any()
     return bool(placed and not config.lever_is_stated and "lever" not in layout)
 
 

@@ -472,38 +472,6 @@ def test_a_full_disk_costs_only_the_compilation(doubled, monkeypatch, capsys):
     assert "cannot be kept (No space left on device)" in capsys.readouterr().err
 
 
-def test_what_users_compile_is_compiled_as_numba_does():
-    """The quicker compilation ends with each kernel, also where one cannot be compiled."""
-    import numba.core.codegen
-    from numba.core.types.functions import BaseFunction
-
-    def parts():
-        return numba.core.codegen.create_pass_builder, BaseFunction.get_call_type
-
-    before = parts()
-    inside = []
-
-    @jit.over_states
-    def doubled(x):
-        return 2.0 * x
-
-    for unrolled in (False, True):
-        with jit._quick_compilation(unrolled):
-            inside.append(parts())
-    assert not set(inside[0]) & set(before)
-    assert (inside[1][0] is before[0], inside[1][1] is before[1]) == (True, False)
-    assert doubled(1.5) == 3.0
-    assert parts() == before
-
-    @jit.kernel
-    def impossible(x):
-        return x.nothing
-
-    with pytest.raises(numba.core.errors.TypingError):
-        impossible(1.5)
-    assert parts() == before
-
-
 APART = """
 from schuler.jit import apart, borrowing, inlined
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import gc
 import glob
 import hashlib
 import multiprocessing
@@ -25,11 +24,11 @@ from typing import IO, Any, cast
 
 import llvmlite.binding
 import numba
-import numba.core.codegen
 from numba.core.codegen import JITCodeLibrary
 from numba.extending import is_jitted
 
 from schuler.jit_beside import WAIT_FOR_ANOTHER_S, hand_over, part_from_beside, start_beside, wait_beside
+from schuler.jit_numba import quick_compilation
 
 try:
     import fcntl
@@ -152,44 +151,12 @@ def _one_version(compiled: Any, unrolled: bool) -> Any:
         return part[1] if part else whole(sig)
 
     def compile_quickly(sig: Any) -> Any:
-        with _quick_compilation(unrolled), _one_process_at_a_time(compiled):
+        with quick_compilation(unrolled), _one_process_at_a_time(compiled):
             return compile_whole(sig)
 
     compiled.get_call_template, compiled.get_overload = get_call_template, get_overload
     compiled.compile = compile_quickly
     return compiled
-
-
-@contextlib.contextmanager
-def _quick_compilation(unrolled: bool) -> Iterator[None]:
-    """Look the type of an operation up once for each types of its operands; without unrolled loops if that is wanted.
-
-    numba tries every implementation of ``a * b`` wherever it stands, which is a tenth of the time the filter takes.
-    Python's search for cycles among the millions of objects that are made meanwhile, and soon freed, takes a sixth.
-    """
-    functions, codegen = cast(Any, numba.types.functions.BaseFunction), cast(Any, numba.core.codegen)
-    resolve = functions.get_call_type
-
-    def call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
-        if kws:
-            return resolve(self, context, args, kws)
-        resolved = self.__dict__.setdefault("_signatures_of_operands", {})
-        key = (context, tuple(args))
-        if key not in resolved:
-            resolved[key] = resolve(self, context, args, kws)
-        return resolved[key]
-
-    with _core.compiler_lock.global_compiler_lock, _without_cycle_search():
-        builder = None if unrolled else getattr(codegen, "create_pass_builder", None)  # a numba without it unrolls
-        functions.get_call_type = call_type
-        if builder is not None:
-            codegen.create_pass_builder = _passes_without_unrolling
-        try:
-            yield
-        finally:
-            functions.get_call_type = resolve
-            if builder is not None:
-                codegen.create_pass_builder = builder
 
 
 @contextlib.contextmanager
@@ -218,28 +185,6 @@ def _locked(file: IO[bytes]) -> bool:
     except BlockingIOError:
         return False
     return True
-
-
-@contextlib.contextmanager
-def _without_cycle_search() -> Iterator[None]:
-    """Python's garbage collector switched off, and on again if it was on."""
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collects:
-            gc.enable()
-
-
-def _passes_without_unrolling(
-    target: Any, opt: int = 2, loop_vectorize: bool = False, slp_vectorize: bool = False
-) -> Any:
-    """LLVM's passes as numba asks for them, but for the unrolling of loops."""
-    options = cast(Any, llvmlite.binding).create_pipeline_tuning_options(opt)
-    options.loop_vectorization, options.slp_vectorization = loop_vectorize, slp_vectorize
-    options.loop_unrolling = False
-    return cast(Any, llvmlite.binding).create_pass_builder(target, options)
 
 
 class _Part(JITCodeLibrary):
@@ -296,7 +241,7 @@ def compile_parts(parts: Iterable[tuple[Callable[..., Any], tuple[Any, ...]]]) -
         As given to :func:`prepare` there.
     """
     for kernel, args in parts:
-        with _quick_compilation(unrolled=False):
+        with quick_compilation(unrolled=False):
             signature, description, code = _compiled_part(kernel, args)
             cast(Any, code)._ensure_finalized()
         description.typemap = description.calltypes = None  # which numba does not keep on disk either

@@ -369,9 +369,11 @@ class ImuErrors:
         warmth = self._warmth(temperature, len(omega))
         dt = as_interval(dt)
         b_g, w_g = biases(self.b_g, self.gyro_bias_temperature, self.gyro_noise, warmth, len(omega), dt, rng)
-        b_a, w_a = biases(self.b_a, self.accel_bias_temperature, self.accel_noise, warmth, len(omega), dt, rng)
         omega_meas = omega + omega @ self.M_g.T + f @ self.G_g.T + (b_g + w_g) * h
+        del w_g  # of a day at 200 Hz 410 MB
+        b_a, w_a = biases(self.b_a, self.accel_bias_temperature, self.accel_noise, warmth, len(omega), dt, rng)
         f_meas = f + f @ self.M_a.T + (b_a + w_a) * h
+        del w_a
         if warmth is not None:
             omega_meas += omega * (warmth * self.gyro_scale_temperature)
             f_meas += f * (warmth * self.accel_scale_temperature)

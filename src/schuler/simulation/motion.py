@@ -118,7 +118,12 @@ def inertial_quantities(state: MotionState, *, earth_rotation: bool = True) -> t
 
 def ideal_rates(motion: Motion, t: ArrayLike, *, earth_rotation: bool = True) -> tuple[FloatArray, FloatArray]:
     """Angular rate and specific force at instants. Shapes (n,) to (n, 3) [rad/s] and (n, 3) [m/s^2]."""
-    return inertial_quantities(motion.state(as_floats(t, "t", (None,))), earth_rotation=earth_rotation)
+    t = as_floats(t, "t", (None,))
+    omega_ib_b, f_ib_b = np.empty((len(t), 3)), np.empty((len(t), 3))
+    for first in range(0, len(t), _RATES):  # bounded memory, as of increments
+        part = slice(first, first + _RATES)
+        omega_ib_b[part], f_ib_b[part] = inertial_quantities(motion.state(t[part]), earth_rotation=earth_rotation)
+    return omega_ib_b, f_ib_b
 
 
 def ideal_increments(
@@ -161,6 +166,7 @@ def ideal_increments(
 
 
 _CHUNK = 32_768
+_RATES = 1 << 20  # instants: a yaw begins anew with them, which moves rates by their rounding
 
 
 @dataclass(frozen=True, slots=True)

@@ -197,7 +197,7 @@ def damage(seed, t, gyro, accel):
         gyro[rows] = np.nan
 
 
-@pytest.mark.thinned(4)
+@pytest.mark.thinned(12)
 @pytest.mark.parametrize("seed", range(48))
 def test_whatever_comes_solutions_are_numbers(seed):
     """Two stretches of damage in a walk; no exception, no warning, nothing that is not finite."""

@@ -157,6 +157,7 @@ def test_a_fault_and_a_jump_of_the_clock_are_found_as_in_a_log(recording):
     assert any("excluded by fault detection" in note for note in notes)
 
 
+@pytest.mark.campaign
 def test_reflections_are_left_out_as_in_a_log(recording):
     """Five satellites late by 25 to 65 m for 25 s, which no epoch alone can tell."""
     ranges, config = recording.ranges, NavigationConfig.checked(CONFIG)

@@ -127,7 +127,8 @@ def test_other_windows_with_the_same_configuration(outcomes, first):
     assert 0.5 < o.nees_smoothed < 2.0  # seen 0.77, 1.10, 1.15, 1.05
 
 
-@pytest.mark.parametrize("sets", [(40.0, 55.0), pytest.param(SETS, marks=pytest.mark.campaign)])
+@pytest.mark.campaign
+@pytest.mark.parametrize("sets", [(40.0, 55.0), SETS])
 def test_the_sets_differ_in_their_windows_only(outcomes, sets):
     """Nothing of the configuration moves with the windows: the file is what every run used."""
     of_file = NavigationConfig.load(EXAMPLE).model_dump(mode="json", exclude_defaults=True)

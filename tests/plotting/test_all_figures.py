@@ -154,7 +154,7 @@ def check_drawn(figure: Figure) -> None:
         assert ax.get_yscale() == ("log" if panel.log else "linear")
 
 
-@pytest.mark.thinned(4)
+@pytest.mark.thinned(6)
 @pytest.mark.parametrize("name", NAMES)
 def test_figure_of_its_own(made, name):
     """All is laid out on one page, without a warning."""

@@ -420,6 +420,7 @@ def rinex_ephemerides(path: Path) -> list[tuple[str, list[float]]]:
     return records
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_ephemerides_are_those_rtklib_decoded(walk, shared_data):
     """GPS 4, Galileo 7, BeiDou 8, every number to RTKLIB's 12 printed digits."""

@@ -372,6 +372,7 @@ def bias_out_of_reach(options, heading_sigma, factor):
     return set(advice.out_of_reach)
 
 
+@pytest.mark.campaign
 def test_time_to_a_bias_is_that_of_averaging():
     """A bias takes 99 N^2 / sigma^2 of rest, where inclination and heading are known: all three in the same rests."""
     options = FieldOptions(blocks=("b_g",))
@@ -421,6 +422,7 @@ def test_a_log_that_ends_in_a_turn_is_told_to_rest():
     assert advice.rests == 2
 
 
+@pytest.mark.campaign
 def test_samples_and_blocks_are_the_same():
     guide, _, messages = led_automotive()
     imu = guide.series().between(0.0, 16.0)

@@ -103,6 +103,7 @@ def test_the_order_that_theory_wants(comparison):
     assert comparison.row("reset").entry("smoothed_rms_horizontal_m") is None
 
 
+@pytest.mark.campaign
 def test_the_table_lists_all_runs(comparison, tmp_path):
     table = comparison.table()
     assert len(table) == len(comparison.rows) == 2 * 11

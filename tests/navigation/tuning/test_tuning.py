@@ -231,7 +231,8 @@ def position_nees(result, log):
     )
 
 
-@pytest.mark.parametrize(("seed", "tau"), [(4, 60.0), pytest.param(2, 20.0, marks=pytest.mark.campaign)])
+@pytest.mark.campaign
+@pytest.mark.parametrize(("seed", "tau"), [(4, 60.0), (2, 20.0)])
 def test_a_slow_error_of_fixes_is_recognised_and_gets_its_states(seed, tau):
     log = slow_drift(seed, 2.0, tau)
     plain, result = navigate(log, config(tune=False)), navigate(log, config(tune=True))
@@ -303,8 +304,8 @@ def test_a_given_start_is_tuned_without_states_it_does_not_have():
 # --- the lever arm of an antenna that nobody stated
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("lever", [(0.6, -0.4, -0.8), (-0.7, 0.5, 0.3)])
-@pytest.mark.thinned(2)
 def test_a_lever_arm_that_nobody_stated_is_estimated(lever):
     imu = {"gyro": {**IMU["gyro"], "arw_deg_rthr": 0.3}, "accel": {**IMU["accel"], "vrw_m_s_rthr": 0.1}}
     log = recorded(1, imu, BLOCKS, 20.0, lever_arm_m=list(lever), sigma_position_m=[0.02, 0.02, 0.04])

@@ -70,11 +70,12 @@ def velocities(t, gyro, accel, spans, before, B_g, b_g, B_a, b_a, places, V_out,
         first = spans[k, 0]
         last = spans[k, 1]
         length = t[last] - t[first]
-        C[:, :] = np.eye(3)
-        V_out[k, :] = 0.0
-        S_out[k, :] = 0.0
-        T_out[k, :] = 0.0
-        R_out[k, :, :, :] = 0.0
+        for r in range(3):  # loops: an assignment of slices is seconds of compiling
+            V_out[k, r] = S_out[k, r] = T_out[k, r] = 0.0
+            for c in range(3):
+                C[r, c] = 1.0 if r == c else 0.0
+                for q in range(3):
+                    R_out[k, r, c, q] = 0.0
         step_rate(gyro, first - 1 if first > 0 else first, before, B_g, b_g, w_last)
         step_rate(gyro, first, before, B_g, b_g, w)
         for i in range(first, last):
@@ -116,10 +117,11 @@ def velocities(t, gyro, accel, spans, before, B_g, b_g, B_a, b_a, places, V_out,
                     for q in range(3):
                         R_out[k, r, c, q] += Cm[r, c] * N[c, q] * dt
             turned(C, w, dt, half, Cm)
-            C[:, :] = Cm
             for r in range(3):
                 w_last[r] = w[r]
                 w[r] = w_next[r]
+                for c in range(3):
+                    C[r, c] = Cm[r, c]
 
 
 def prepare_motion() -> None:

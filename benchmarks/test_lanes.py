@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import os
 import time
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -90,6 +92,28 @@ def scene(lap):
 def test_one_core(benchmark, scene, states, what):
     benchmark.group = f"Monte Carlo on one core, {states} states"
     scenario = scene(states)
+    if what == "lanes, noise included":
+        benchmark.extra_info["epochs"] = 16 * len(scenario.ideal.gyro)
+        benchmark.pedantic(lane_statistics, args=(scenario, 16), kwargs={"threads": 1}, rounds=5, warmup_rounds=1)
+        return
+    data = replay(scenario, 0)
+    args = (*data[:3], scenario.layout, scenario.gyro_psd, scenario.accel_psd, FilterOptions(record_s=10.0))
+    benchmark.extra_info["epochs"] = len(scenario.ideal.gyro)
+    benchmark.pedantic(run, args=args, rounds=5, warmup_rounds=1)
+
+
+@pytest.mark.parametrize("carrier", ["off", "time-differenced"])
+@pytest.mark.parametrize("what", ["lanes, noise included", "engine, noise given"])
+def test_single_satellites_on_one_core(benchmark, carrier, what):
+    """The drive of examples/montecarlo_tight.toml, 206 s; 18 states, with carriers 34."""
+    from schuler.montecarlo import read_job
+
+    benchmark.group = f"Monte Carlo with single satellites on one core, carriers {carrier}"
+    job, _ = read_job(Path(__file__).parents[1] / "examples" / "montecarlo_tight.toml")
+    tight = job.navigation.gnss.tight.model_copy(update={"carrier": carrier})
+    config = job.navigation.model_copy(update={"gnss": job.navigation.gnss.model_copy(update={"tight": tight})})
+    scenario = replace(job, navigation=config).lanes
+    assert isinstance(scenario, LaneScenario)
     if what == "lanes, noise included":
         benchmark.extra_info["epochs"] = 16 * len(scenario.ideal.gyro)
         benchmark.pedantic(lane_statistics, args=(scenario, 16), kwargs={"threads": 1}, rounds=5, warmup_rounds=1)

@@ -112,12 +112,17 @@ def test_an_interrupted_campaign_says_how_to_go_on(scenario, tmp_path, capsys, m
 
 
 @pytest.mark.parametrize(
-    ("name", "function"), [("montecarlo_town.toml", navigation_run), ("montecarlo_hour.toml", lane_runs)]
+    ("name", "function"),
+    [
+        ("montecarlo_town.toml", navigation_run),
+        ("montecarlo_hour.toml", lane_runs),
+        ("montecarlo_tight.toml", lane_runs),
+    ],
 )
 def test_examples(name, function, monkeypatch):
     """They are read, and run by what their comments say; the hour is cut to one lap."""
     job, file = read_job(EXAMPLES / name)
-    if function is lane_runs:
+    if name == "montecarlo_hour.toml":
         motion = job.simulation.motion.model_copy(update={"laps": 1})
         job = type(job)(job.simulation.model_copy(update={"motion": motion}), job.navigation, job.start, job.evaluation)
     assert runner(job, file.engine)[0] is function

@@ -254,13 +254,6 @@ def test_what_lanes_do_not_have_goes_through_the_whole_chain(job, change, words)
     assert runner(job, "filter")[0] is navigation_run
 
 
-def test_a_start_with_tight_coupling_is_refused_before_the_first_run(job):
-    tight = job.navigation.model_copy(update={"gnss": job.navigation.gnss.model_copy(update={"coupling": "tight"})})
-    with pytest.raises(ConfigError, match="loose coupling only; leave it out"):
-        NavigationJob(job.simulation, tight, job.start, job.evaluation)
-    assert NavigationJob(job.simulation, tight, None, job.evaluation).start is None
-
-
 def test_rounding_is_left_out_only_if_lanes_are_asked_for(write):
     path = write('[simulation]\nname = "loop"', MOTION, GNSS, START, "[simulation.imu]\ncatalogue = 'MPU-6000'")
     job, file = read_job(path)

@@ -153,3 +153,21 @@ def measured_along_gravity(
     S = float(H @ PH) + sigma**2 + second**2
     P = start.P - np.outer(PH, PH) / S
     return InitialState(start.nav, P, start.parameters - PH[9:] * (excess + second) / S)
+
+
+def with_states(start: InitialState, of: StateLayout, layout: StateLayout) -> InitialState:
+    """A start in a layout with further states, which begin at zero with the uncertainties of their models.
+
+    Parameters
+    ----------
+    start : InitialState
+    of : StateLayout
+        Its own layout, whose blocks the other one has too.
+    layout : StateLayout
+    """
+    P = np.diag(np.append(np.zeros(9), layout.initial_variances()))
+    estimates = np.zeros(layout.size - 9)
+    at = np.array([i for name in of.blocks for i in range(layout[name].start, layout[name].stop)], dtype=np.int64)
+    P[np.ix_(at, at)] = start.P
+    estimates[at[9:] - 9] = start.parameters
+    return InitialState(start.nav, P, estimates)

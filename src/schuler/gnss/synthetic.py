@@ -82,6 +82,41 @@ class SyntheticRanges:
         )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class TrueSky:
+    """What a receiver on a known path would measure without errors; shared by all draws of :func:`draw_ranges`.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        True times of reception. [s]
+    r_e : ndarray, shape (k, 3)
+        True positions of the antenna. [m]
+    sat : ndarray of int, shape (s,)
+    r_sat_e, v_sat_e : ndarray, shape (k, s, 3)
+        Satellites at transmission. [m], [m/s]
+    range, rate : ndarray, shape (k, s)
+        [m], [m/s]
+    elevation, azimuth : ndarray, shape (k, s)
+        [rad]
+    visible : ndarray of bool, shape (k, s)
+    epoch_gps_s : float
+        GPS time of ``t = 0``. [s]
+    """
+
+    t: FloatArray
+    r_e: FloatArray
+    sat: IntArray
+    r_sat_e: FloatArray
+    v_sat_e: FloatArray
+    range: FloatArray
+    rate: FloatArray
+    elevation: FloatArray
+    azimuth: FloatArray
+    visible: BoolArray
+    epoch_gps_s: float
+
+
 def broadcast_satellites(ephemerides: Ephemerides, *, epoch_gps_s: float = 0.0) -> tuple[IntArray, States]:
     """Satellites of broadcast messages, for :func:`synthetic_ranges`: real geometry, GLONASS as its users compute it.
 
@@ -164,33 +199,62 @@ def synthetic_ranges(
     Gauss-Markov processes start in their steady state. A satellite's processes run on while it is not seen. Carriers
     have the clock, noise and walk of their own, drawn from a generator of theirs, and an ambiguity for each arc.
     """
+    sky = true_sky(
+        t, r_e, v_e, satellites, epoch_gps_s=epoch_gps_s, elevation_mask=elevation_mask, blocked=blocked,
+        max_satellites=max_satellites,
+    )  # fmt: skip
+    return draw_ranges(sky, rng, errors)
+
+
+def true_sky(
+    t: ArrayLike,
+    r_e: ArrayLike,
+    v_e: ArrayLike,
+    satellites: CircularOrbits | tuple[ArrayLike, States],
+    *,
+    epoch_gps_s: float = 0.0,
+    elevation_mask: float = 5.0 * DEG,
+    blocked: Sequence[Sector] = (),
+    max_satellites: int | ArrayLike | None = None,
+) -> TrueSky:
+    """Satellites, ranges and range rates of an antenna on a known path, free of errors; see :func:`synthetic_ranges`.
+
+    Raises
+    ------
+    InputError
+        If shapes do not agree or no satellite is ever visible.
+    """
     t = as_floats(t, "t", (None,))
     r_e, v_e = as_floats(r_e, "r_e", (len(t), 3)), as_floats(v_e, "v_e", (len(t), 3))
     if len(t) == 0 or np.any(np.diff(t) <= 0.0):
         raise InputError("t: expected at least one time, increasing")
-    budget = RangeErrors() if errors is None else errors
     sat, states = _satellites(satellites, epoch_gps_s)
     r_s, v_s, rho, rate = _true_ranges(t, r_e, v_e, states, len(sat))
     elevation, azimuth = _directions(r_s, r_e)
     visible = _visible(elevation, azimuth, elevation_mask, blocked, max_satellites)
     if not visible.any():
         raise InputError("no satellite is ever visible; check position, mask and blocked sectors")
-    error, rate_error, sigma, sigma_rate = _errors(t, elevation, budget, rng)
-    system = sat // 100
-    order = system[np.sort(np.unique(system, return_index=True)[1])]
-    group = np.argmax(system[:, None] == order, axis=1)
-    clock, drift = _clock(t, budget, len(order), rng)
-    k, s = np.nonzero(visible)
+    return TrueSky(t, r_e, sat, r_s, v_s, rho, rate, elevation, azimuth, visible, epoch_gps_s)
+
+
+def draw_ranges(sky: TrueSky, rng: np.random.Generator, errors: RangeErrors | None = None) -> SyntheticRanges:
+    """Ranges under a sky with errors drawn; see :func:`synthetic_ranges`."""
+    budget = RangeErrors() if errors is None else errors
+    t, sat, elevation = sky.t, sky.sat, sky.elevation
+    error, rate_error, sigma, sigma_rate = range_errors(t, elevation, budget, rng)
+    order, group = clock_groups(sat)
+    clock, drift = receiver_clock(t, budget, len(order), rng)
+    k, s = np.nonzero(sky.visible)
     ranges = Ranges(
-        t[k], sat[s], group[s], tuple(SYSTEMS[i] for i in order), r_s[k, s], v_s[k, s],
-        rho[k, s] + error[k, s] + clock[k, group[s]], rate[k, s] + rate_error[k, s] + drift[k],
-        np.maximum(sigma[k, s], 1e-6), np.maximum(sigma_rate[k, s], 1e-6), elevation[k, s], azimuth[k, s],
+        t[k], sat[s], group[s], tuple(SYSTEMS[i] for i in order), sky.r_sat_e[k, s], sky.v_sat_e[k, s],
+        sky.range[k, s] + error[k, s] + clock[k, group[s]], sky.rate[k, s] + rate_error[k, s] + drift[k],
+        np.maximum(sigma[k, s], 1e-6), np.maximum(sigma_rate[k, s], 1e-6), elevation[k, s], sky.azimuth[k, s],
         _cn0(elevation[k, s]), np.zeros(len(k), dtype=np.int64), ("simulated",),
     )  # fmt: skip
     own = rng.spawn(1)[0]
-    phase = (rho + _carrier_errors(t, elevation, budget, own))[k, s] + clock[k, group[s]]
+    phase = (sky.range + carrier_errors(t, elevation, budget, own))[k, s] + clock[k, group[s]]
     ranges = with_arcs(replace(ranges, carrier_range=phase, wavelength=np.full(len(k), L1_CYCLE)), k, own)
-    return SyntheticRanges(ranges, clock, drift, k, error[k, s], rate_error[k, s], r_e, epoch_gps_s)
+    return SyntheticRanges(ranges, clock, drift, k, error[k, s], rate_error[k, s], sky.r_e, sky.epoch_gps_s)
 
 
 def with_arcs(ranges: Ranges, epoch: IntArray, rng: np.random.Generator) -> Ranges:
@@ -262,39 +326,49 @@ def _visible(
     return visible
 
 
-def _errors(
+def clock_groups(sat: IntArray) -> tuple[IntArray, IntArray]:
+    """Systems in the order of their first satellites, one clock each, and the place among them of each satellite."""
+    system = sat // 100
+    order = system[np.sort(np.unique(system, return_index=True)[1])]
+    return order, np.argmax(system[:, None] == order, axis=1)
+
+
+def range_errors(
     t: FloatArray, elevation: FloatArray, e: RangeErrors, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Errors of range and rate, and their standard deviations. (k, s)."""
+    """Errors of range and rate, and their standard deviations. Shapes (k, s). [m], [m/s]"""
     sine = np.sin(np.maximum(elevation, 1.0 * DEG))
     growth = np.sqrt(0.5 * (1.0 + 1.0 / sine**2))
     slant = 1.0 / np.sin(np.maximum(elevation, 5.0 * DEG))
     error = e.noise * growth * rng.standard_normal(elevation.shape)
     rate_error = e.rate_noise * growth * rng.standard_normal(elevation.shape)
-    error += e.multipath * growth * _gauss_markov(t, elevation.shape[1], e.multipath_tau, rng)
-    error += e.atmosphere * slant * _gauss_markov(t, elevation.shape[1], e.atmosphere_tau, rng)
+    for scale, tau in ((e.multipath * growth, e.multipath_tau), (e.atmosphere * slant, e.atmosphere_tau)):
+        white = rng.standard_normal(elevation.shape)  # drawn in any case: what comes after stays as it is
+        if scale.any():
+            error += scale * _gauss_markov(t, white, tau)
     sigma = np.sqrt((e.noise**2 + e.multipath**2) * growth**2 + (e.atmosphere * slant) ** 2)
     return error, rate_error, sigma, e.rate_noise * growth
 
 
-def _carrier_errors(t: FloatArray, elevation: FloatArray, e: RangeErrors, rng: np.random.Generator) -> FloatArray:
+def carrier_errors(t: FloatArray, elevation: FloatArray, e: RangeErrors, rng: np.random.Generator) -> FloatArray:
     """Noise and random walk of carrier phases. Shape (k, s). [m]"""
     growth = np.sqrt(0.5 * (1.0 + 1.0 / np.sin(np.maximum(elevation, 1.0 * DEG)) ** 2))
     steps = rng.standard_normal(elevation.shape) * np.sqrt(np.diff(t, prepend=t[0]))[:, None]
     return e.carrier * growth * rng.standard_normal(elevation.shape) + e.carrier_walk * np.cumsum(steps, axis=0)
 
 
-def _gauss_markov(t: FloatArray, n: int, tau: float, rng: np.random.Generator) -> FloatArray:
-    """Unit variance, correlation ``exp(-|dt| / tau)``. Shape (k, n)."""
-    white = rng.standard_normal((len(t), n))
+def _gauss_markov(t: FloatArray, white: FloatArray, tau: float) -> FloatArray:
+    """Unit variance, correlation ``exp(-|dt| / tau)``, driven by white noise, which it overwrites. Shape (k, n)."""
     keep = np.exp(-np.diff(t) / tau)
-    fresh = np.sqrt(-np.expm1(-2.0 * np.diff(t) / tau))
+    white[1:] *= np.sqrt(-np.expm1(-2.0 * np.diff(t) / tau))[:, None]
     for k in range(1, len(t)):
-        white[k] = keep[k - 1] * white[k - 1] + fresh[k - 1] * white[k]
+        white[k] += keep[k - 1] * white[k - 1]
     return white
 
 
-def _clock(t: FloatArray, e: RangeErrors, groups: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+def receiver_clock(
+    t: FloatArray, e: RangeErrors, groups: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
     """Receiver clock of each group (k, g) and its drift (k,)."""
     if len(e.offsets) not in (0, groups - 1):
         raise InputError(

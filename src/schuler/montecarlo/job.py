@@ -87,8 +87,8 @@ class Plan(NamedTuple):
         Without smoothing, records where they are needed.
     spec : ImuSpec
         Specification that the filter believes.
-    layout : StateLayout or None
-        None where it depends on the satellites in view.
+    layout : StateLayout
+        Without the states that satellites in view ask for (clocks, ambiguities).
     initial : InitialState, optional
         True state at the start with the covariance that errors are drawn from.
     t : ndarray, shape (k,)
@@ -100,7 +100,7 @@ class Plan(NamedTuple):
     mission: Mission
     config: NavigationConfig
     spec: ImuSpec
-    layout: StateLayout | None
+    layout: StateLayout
     initial: InitialState | None
     t: FloatArray
     truth: FullTrajectory
@@ -118,11 +118,6 @@ class NavigationJob:
     evaluation : EvaluationSection
     unrounded : bool
         Lanes may leave out the rounding of the IMU's readings, which they do not have.
-
-    Raises
-    ------
-    ConfigError
-        If a start is given with tight coupling.
     """
 
     simulation: Scenario
@@ -130,12 +125,6 @@ class NavigationJob:
     start: StartSection | None = None
     evaluation: EvaluationSection = field(default_factory=EvaluationSection)
     unrounded: bool = False
-
-    def __post_init__(self) -> None:
-        if self.start is not None and self.navigation.gnss.coupling == "tight":
-            raise ConfigError(
-                "start: errors are drawn for loose coupling only; leave it out, and every run aligns itself"
-            )
 
     @property
     def name(self) -> str:
@@ -266,9 +255,8 @@ def _plan(job: NavigationJob) -> Plan:
     every = job.evaluation.every_s
     if every is None:
         every = next((s for s in _STEPS if (end - begin) / s <= _LOOKS), _STEPS[-1])
-    tight = job.navigation.gnss.coupling == "tight"
-    initial, layout = None, None if tight else state_layout(job.navigation, spec)
-    if job.start is not None and layout is not None:
+    initial, layout = None, state_layout(job.navigation, spec)
+    if job.start is not None:
         initial = _true_start(job.start, truth, begin, layout)
         first, record = begin, every
     else:

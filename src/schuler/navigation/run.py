@@ -14,7 +14,7 @@ from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import ConfigError
 from schuler.files import package_version
 from schuler.filtering.engine import Progress, unpack_symmetric
-from schuler.filtering.initial_state import InitialState
+from schuler.filtering.initial_state import InitialState, with_states
 from schuler.filtering.measurements import in_windows
 from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges
@@ -66,7 +66,8 @@ def navigate(
         With an IMU; without GNSS the solution is free inertial and needs ``initial``.
     config : NavigationConfig, dict, or path of a TOML file
     initial : InitialState, optional
-        Start here instead of aligning; the log is cut to begin there. With a calibration only its navigation part and
+        Start here instead of aligning; the log is cut to begin there. One without the states that satellites ask for
+        (clocks) gets them from the nearest epoch. With a calibration only its navigation part and
         the parameters that are not calibrated count.
     calibration : CalibrationResult or path, optional
         Calibration of this unit, instead of ``imu.calibration`` of the configuration: the sensor states start from its
@@ -198,6 +199,10 @@ def prepared_run(
         initial = aligned.initial
     elif calibrated is not None:
         initial = calibrated.put_into(initial)
+    if points is not None and aligned is None:
+        own = state_layout(config, spec)  # a start that was made before satellites were looked at
+        if len(initial.P) == own.size:
+            initial = with_clocks(with_states(initial, own, layout.visible), points, layout.visible)
     increments = increments.between(initial.nav.t - 1e-9, increments.t[-1])
     initial = advance_to_log_start(initial, increments)
     schedule, notes_of_aids = aiding_schedule(

@@ -19,8 +19,10 @@ from schuler.gnss.synthetic import (
     RangeErrors,
     Sector,
     SyntheticRanges,
+    TrueSky,
     broadcast_satellites,
-    synthetic_ranges,
+    draw_ranges,
+    true_sky,
     with_arcs,
 )
 from schuler.simulation.motion import Motion
@@ -166,6 +168,23 @@ class SimulatedSatellites(NamedTuple):
         return self.made.observations()
 
 
+class PreparedSky(NamedTuple):
+    """What all draws of a receiver on one motion share.
+
+    Attributes
+    ----------
+    sky : TrueSky
+    keep : ndarray of bool, shape (k,)
+        Epochs outside outages.
+    ephemerides : Ephemerides
+        The orbits as broadcast.
+    """
+
+    sky: TrueSky
+    keep: BoolArray
+    ephemerides: Ephemerides
+
+
 def simulate_satellites(
     motion: Motion, model: SatelliteModel, rng: np.random.Generator, *, epoch_gps_s: float = 0.0
 ) -> SimulatedSatellites:
@@ -194,6 +213,11 @@ def simulate_satellites(
     Windows, sectors and outages only take rows away: the noise of the others does not depend on them. GLONASS
     satellites fly as their users compute them from the broadcast states, so that ranges and messages agree.
     """
+    return draw_satellites(prepare_sky(motion, model, epoch_gps_s=epoch_gps_s), model, rng)
+
+
+def prepare_sky(motion: Motion, model: SatelliteModel, *, epoch_gps_s: float = 0.0) -> PreparedSky:
+    """Satellites, true ranges and true range rates of an antenna on a moving body, for any number of draws."""
     t = times(motion.duration, model.rate_hz, model.first_s)
     keep = outside(t, model.outages, "satellite epoch")
     s = motion.state(t)
@@ -202,11 +226,28 @@ def simulate_satellites(
     v_e = s.v_eb_e + np.einsum("nij,nj->ni", s.C_eb, np.cross(s.omega_eb_b, lever))
     orbits = nominal_orbits(model.systems, epoch_gps_s=epoch_gps_s)
     ephemerides = orbits.ephemerides(epoch_gps_s - 60.0, epoch_gps_s + motion.duration + 60.0)
-    sky = broadcast_satellites(ephemerides, epoch_gps_s=epoch_gps_s) if "R" in model.systems else orbits
-    made = synthetic_ranges(
-        t, r_e, v_e, sky, rng, model.errors, epoch_gps_s=epoch_gps_s, elevation_mask=model.elevation_mask
-    )
-    made = _selected(made, keep[made.epoch] & _visible(made.ranges, made.epoch, model))
+    satellites = broadcast_satellites(ephemerides, epoch_gps_s=epoch_gps_s) if "R" in model.systems else orbits
+    sky = true_sky(t, r_e, v_e, satellites, epoch_gps_s=epoch_gps_s, elevation_mask=model.elevation_mask)
+    return PreparedSky(sky, keep, ephemerides)
+
+
+def draw_satellites(
+    prepared: PreparedSky, model: SatelliteModel, rng: np.random.Generator, *, errors: RangeErrors | None = None
+) -> SimulatedSatellites:
+    """Ranges and range rates under a prepared sky; see :func:`simulate_satellites`.
+
+    Parameters
+    ----------
+    prepared : PreparedSky
+        Made with this model.
+    model : SatelliteModel
+    rng : numpy.random.Generator
+    errors : RangeErrors, optional
+        Instead of the model's.
+    """
+    t = prepared.sky.t
+    made = draw_ranges(prepared.sky, rng, model.errors if errors is None else errors)
+    made = _selected(made, prepared.keep[made.epoch] & _visible(made.ranges, made.epoch, model))
     own = rng.spawn(1)[0]
     made = replace(made, ranges=with_arcs(made.ranges, made.epoch, own))
     made, slipped = _with_slips(made, model, own)
@@ -214,7 +255,7 @@ def simulate_satellites(
     made = _with_jumps(made, t, model.clock_jumps)
     if model.clock_shift:
         made = replace(made, ranges=replace(made.ranges, t=made.ranges.t + model.clock_shift))
-    return SimulatedSatellites(made, faulty, slipped, t, ephemerides)
+    return SimulatedSatellites(made, faulty, slipped, t, prepared.ephemerides)
 
 
 def _visible(ranges: Ranges, epoch: IntArray, model: SatelliteModel) -> BoolArray:

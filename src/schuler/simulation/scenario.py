@@ -36,7 +36,7 @@ from schuler.simulation.gnss import draw_gnss
 from schuler.simulation.imu import IdealImu, faulty_stream, ideal_imu, mounted, simulate_imu
 from schuler.simulation.motion import Motion
 from schuler.simulation.motion_sections import MotionSection
-from schuler.simulation.satellites import simulate_satellites
+from schuler.simulation.satellites import PreparedSky, draw_satellites, prepare_sky
 from schuler.simulation.scalar_aids import simulate_heading, simulate_height, simulate_odometer
 from schuler.timebase import TimeBase, gps_seconds
 
@@ -133,12 +133,15 @@ class Mission(NamedTuple):
         In the IMU's own axes; its ``truth`` is that of the reference.
     spec : ImuSpec or None
         Error budget of the IMU, None for an ideal one.
+    sky : PreparedSky, optional
+        Satellites and their true ranges.
     """
 
     scenario: Scenario
     motion: Motion
     ideal: IdealImu
     spec: ImuSpec | None
+    sky: PreparedSky | None = None
 
 
 class Simulation(NamedTuple):
@@ -171,7 +174,10 @@ def prepare_mission(scenario: Scenario | dict[str, Any] | Path | str) -> Mission
     ideal = ideal_imu(motion, imu.rate_hz, kind=imu.kind, earth_rotation=scenario.motion.earth_rotation)
     if any(imu.mount_rpy_deg):
         ideal = mounted(ideal, np.array(imu.mount_rpy_deg) * units.DEG, turn_truth=imu.reference_axes == "imu")
-    return Mission(scenario, motion, ideal, imu.budget())
+    sky = None
+    if scenario.satellites is not None:
+        sky = prepare_sky(motion, scenario.satellites.model(), epoch_gps_s=_time(scenario).epoch_gps_s)
+    return Mission(scenario, motion, ideal, imu.budget(), sky)
 
 
 def simulate_mission(mission: Mission, rng: np.random.Generator | None = None) -> Simulation:
@@ -197,13 +203,13 @@ def simulate_mission(mission: Mission, rng: np.random.Generator | None = None) -
     notes = ["simulated; the reference is the true trajectory of the IMU"]
     if simulated.report.gyro_clipped.any() or simulated.report.accel_clipped.any():
         notes.append(simulated.report.summary())
-    time = TimeBase("gps", gps_seconds(scenario.start_week, scenario.start_tow_s))
+    time = _time(scenario)
     parts, truth = _solutions(mission, gnss_rng, odometer_rng)
     imu, stream = simulated.imu, scenario.imu.stream
     # children of their own, spawned only where needed: what a generator gives next stays as it was without them
     if stream != StreamSection() or scenario.heading or scenario.barometer or scenario.satellites:
         *others, stream_rng = rng.spawn(4)
-        more, true = _other_aids(mission, time, others)
+        more, true = _other_aids(mission, others)
         parts, truth = parts | more, truth | true
         if stream != StreamSection():
             faulty = faulty_stream(imu, stream.faults(), stream_rng)
@@ -259,9 +265,11 @@ def _solutions(
     return parts, truth
 
 
-def _other_aids(
-    mission: Mission, time: TimeBase, rngs: list[np.random.Generator]
-) -> tuple[dict[str, Any], dict[str, Any]]:
+def _time(scenario: Scenario) -> TimeBase:
+    return TimeBase("gps", gps_seconds(scenario.start_week, scenario.start_tow_s))
+
+
+def _other_aids(mission: Mission, rngs: list[np.random.Generator]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Heading, height and satellites: parts of the recording, and the truth about them."""
     scenario, motion = mission.scenario, mission.motion
     heading_rng, height_rng, satellites_rng = rngs
@@ -272,7 +280,8 @@ def _other_aids(
     if scenario.barometer is not None:
         parts["height"], truth["height_bias"] = simulate_height(motion, scenario.barometer.model(), height_rng)
     if scenario.satellites is not None:
-        sky = simulate_satellites(motion, scenario.satellites.model(), satellites_rng, epoch_gps_s=time.epoch_gps_s)
+        assert mission.sky is not None
+        sky = draw_satellites(mission.sky, scenario.satellites.model(), satellites_rng)
         truth["satellites"] = sky
         if scenario.satellites.give == "ranges":
             parts["ranges"] = sky.ranges

@@ -14,12 +14,15 @@ import numpy as np
 
 from schuler.filtering.kernels.accumulation import N_PAST
 from schuler.filtering.kernels.covariance import decay
-from schuler.filtering.kernels.update import POSITION
+from schuler.filtering.kernels.update import ARC_START, AT_CLOCK, CARRIER_PHASE, POSITION, PSEUDORANGE, RANGE_RATE
 from schuler.filtering.kernels.vector import as_lanes, cut, where_at_most
+from schuler.filtering.limits import MOST_CHANNELS
 from schuler.jit import inlined, kernel, prepare
 from schuler.montecarlo.lanes._random_kernels import normals
+from schuler.montecarlo.lanes._range_kernels import take_satellite
 from schuler.montecarlo.lanes._record_kernels import note
 from schuler.montecarlo.lanes._shared_kernels import (
+    add_clock_drift,
     add_half_noise,
     advance_ecef,
     compensate,
@@ -42,6 +45,7 @@ from schuler.montecarlo.lanes.lane_arrays import (
     LaneLog,
     LaneModel,
     LaneRecordArrays,
+    LaneSky,
     LaneState,
     LaneTruth,
     LaneWorkspace,
@@ -51,7 +55,7 @@ RECORD = 2
 
 E_BG, E_BA, E_MG, E_MA, E_GG, N_ERRORS = 0, 3, 6, 15, 24, 33
 
-N_COUNTS = 10
+N_COUNTS = 19
 _FIXED_ROWS = 533  # of workspace, whatever the states
 
 
@@ -65,6 +69,7 @@ def first_of_dx(n, m):
 def cut_workspace(work, n, m, every, driven):
     """Workspace for n states, m of them parameters, cut from one block so that all of it is aligned."""
     o, at_dx, triangle = _FIXED_ROWS, first_of_dx(n, m), n * (n + 1) // 2
+    last = at_dx + 2 * n + triangle + (every + 2) * N_PAST + driven + 1 + 4 + m
     return LaneWorkspace(
         poly=cut(work, 0, (3, 18)),
         increments=cut(work, 54, (3, 6)),
@@ -94,34 +99,37 @@ def cut_workspace(work, n, m, every, driven):
         dx=cut(work, at_dx, (n,)),
         zn=cut(work, at_dx + n, (n,)),
         L=cut(work, at_dx + 2 * n, (triangle,)),
+        row=cut(work, last, (1, n)),
+        w=cut(work, last + n, (n,)),
+        range_locks=cut(work, last + 2 * n, (3,)),
     )
 
 
 def work_rows(n: int, every: int, driven: int) -> int:
     """Rows of workspace for n states, a propagation every so many samples, and normals that drive processes."""
-    return _FIXED_ROWS + 14 * n + 12 * (n - 9) + n * (n + 1) // 2 + (every + 2) * N_PAST + driven + 1 + n - 5
+    return _FIXED_ROWS + 14 * n + 12 * (n - 9) + n * (n + 1) // 2 + (every + 2) * N_PAST + driven + 3 * n - 1
 
 
 @kernel
-def flush(P, nav, acc, A, B, T, D, mean, on_psi, decays, omega):
+def flush(P, nav, acc, A, B, T, D, mean, on_psi, n_sensor, decays, omega):
     """Carry the covariance over the accumulated transition, as ``filtering.kernels.covariance.flush`` does.
 
     ``P[n, n]`` is an array of lanes, of which the columns of the parameters in the rows of the navigation states are
     not
-    used: by symmetry row c holds what column c would. The m = n - 9 parameters are all sensor parameters, in threes.
+    used: by symmetry row c holds what column c would.
 
     ``T[n, 9]`` is workspace: the navigation rows of the transition times column c of P, as row c.
     """
     n = P.shape[0]
     m = n - 9
     if decays:
-        for k in range(m):
+        for k in range(n_sensor):
             if mean[k] != 1.0:
                 for i in range(9):
                     B[k, i] *= mean[k]
     transition(A, acc, nav, omega)
-    navigation_rows(A, B, P.T, P[9:], T.T, n, on_psi, m, False)  # Phi P
-    navigation_rows(A, B, T, T[9:], P.T, 9, on_psi, m, True)  # Phi P Phi'
+    navigation_rows(A, B, P.T, P[9:], T.T, n, on_psi, n_sensor, False)  # Phi P
+    navigation_rows(A, B, T, T[9:], P.T, 9, on_psi, n_sensor, True)  # Phi P Phi'
     for a in range(9):
         for b in range(a):
             P[b, a] = P[a, b]
@@ -198,21 +206,24 @@ def draw_fix(fixes, j, stream, z, fix):
 def propagate(state, model, work, kept, T, D, mean, on_psi):
     """Flush the covariance with its process noise; estimates of Gauss-Markov states decay."""
     nav, est, P = state
-    m = est.shape[0]
+    n_sensor, i_clock = model.n_sensor, model.places[AT_CLOCK]
     decays = decay(model.dynamics, T, D, mean)
-    if m > 0:
+    if n_sensor > 0:
         parameter_columns(
-            work.past, kept, work.acc, work.moment, work.sens, model.table, m, model.matrix, model.cross, work.N,
+            work.past, kept, work.acc, work.moment, work.sens, model.table, n_sensor, model.matrix, model.cross, work.N,
             work.sums, work.B,
         )  # fmt: skip
     add_half_noise(P, nav, T, model.psd, model.dynamics)
-    flush(P, nav, work.acc, work.A, work.B, work.turned, D, mean, on_psi, decays, model.omega)
+    flush(P, nav, work.acc, work.A, work.B, work.turned, D, mean, on_psi, n_sensor, decays, model.omega)
+    if i_clock >= 0:
+        est[i_clock - 9] += T * est[i_clock - 8]
+        add_clock_drift(P, i_clock, T)
     add_half_noise(P, nav, T, model.psd, model.dynamics)
     if decays:
-        for k in range(m):
+        for k in range(est.shape[0]):
             if D[k] != 1.0:
                 est[k] *= D[k]
-        spread_estimates(est, model.table, m, work.M, work.sens)
+        spread_estimates(est, model.table, n_sensor, work.M, work.sens)
     for i in range(8):
         work.acc[i] = 0.0
     for i in range(3):
@@ -232,14 +243,14 @@ def keep_before(state, before):
 def turn(state, model, work):
     """Carry the covariance to the axes of corrected estimates."""
     nav, est, P = state
-    n, m = P.shape[0], est.shape[0]
+    n = P.shape[0]
     for i in range(9):  # not used elsewhere, see `flush`
         for c in range(9, n):
             P[i, c] = P[c, i]
     ned_axes(nav, work.U)
     turn_axes(
-        P, nav, est, work.before[:4], work.before[4:], work.U[2], model.table, m, work.sens, work.M, work.sums[0],
-        work.B, work.turned.T,
+        P, nav, est, work.before[:4], work.before[4:], work.U[2], model.table, model.n_sensor, work.sens, work.M,
+        work.sums[0], work.B, work.turned.T,
     )  # fmt: skip
 
 
@@ -250,12 +261,12 @@ def update(fixes, j, state, model, work, h_reg, on_psi, counts):
     take(
         kind, fixes.lever[j], fixes.R[j], fixes.gate[j], model.lockout, model.omega, work.fix, state.nav, state.est,
         state.P, work.reg, h_reg, work.sens, model.table, on_psi, model.cross, work.U, work.H, work.Hp, work.W, work.y,
-        work.e, work.dx, work.M, work.locks, counts, 0 if kind == POSITION else 1,
+        work.e, work.dx, work.M, work.locks, counts, 0 if kind == POSITION else 1, model.n_sensor,
     )  # fmt: skip
 
 
 @kernel
-def run_lanes(log, fixes, errors, start, model, truth, memory, kept_of_runs):
+def run_lanes(log, fixes, errors, sky, start, model, truth, memory, kept_of_runs):
     """Run the lanes over the whole log.
 
     ``memory[rows, LANES]`` is workspace, see :func:`work_rows`.
@@ -267,6 +278,8 @@ def run_lanes(log, fixes, errors, start, model, truth, memory, kept_of_runs):
         as_lanes(kept_of_runs.counts),
     )  # fmt: skip
     true, counts = as_lanes(errors.true), records.counts
+    range_error, clock = as_lanes(sky.error), as_lanes(sky.clock)
+    arcs, used = np.full(MOST_CHANNELS, -np.inf), np.zeros(9 + start.est.shape[0], dtype=np.int64)
     m, n_proc, n_fixes = state.est.shape[0], process.shape[0], fixes.t.shape[0]
     driven = 0
     for p in range(n_proc):
@@ -278,10 +291,10 @@ def run_lanes(log, fixes, errors, start, model, truth, memory, kept_of_runs):
     raw, poly, part, reg, sens = work.poly[0], work.poly[1], work.poly[2], work.reg, work.sens
     now, before, earlier = work.increments[0], work.increments[1], work.increments[2]
     D, mean = np.ones(m), np.ones(m)
-    on_psi = np.array([k for k in range(m) if model.table[k, 0] == 0 or model.cross])
+    on_psi = np.array([k for k in range(model.n_sensor) if model.table[k, 0] == 0 or model.cross])
     white, wandering, drawn = errors.streams[0:4], errors.streams[4:8], errors.streams[8:12]
     h, omega = log.h, model.omega
-    spread_estimates(state.est, model.table, m, work.M, sens)
+    spread_estimates(state.est, model.table, model.n_sensor, work.M, sens)
     work.A[2, 2] = 1.0
     h1 = h2 = 0.0
     T = h_reg = 0.0  # time since the last propagation; length of the interval that `reg` is of
@@ -326,12 +339,17 @@ def run_lanes(log, fixes, errors, start, model, truth, memory, kept_of_runs):
                 kept = since = 0
             if not measured:
                 break
-            draw_fix(fixes, j, drawn, work.z, work.fix)
+            single = fixes.kind[j] in (PSEUDORANGE, RANGE_RATE, CARRIER_PHASE, ARC_START)
+            if not single:
+                draw_fix(fixes, j, drawn, work.z, work.fix)
             if fixes.gate[j] >= 0.0:
                 if model.free_axes and not corrected:
                     keep_before(state, work.before)
                     corrected = True
-                update(fixes, j, state, model, work, h_reg, on_psi, counts)
+                if single:
+                    take_satellite(j, fixes, range_error, state, model, on_psi, arcs, used, work, counts)
+                else:
+                    update(fixes, j, state, model, work, h_reg, on_psi, counts)
                 compensate(poly, raw, sens, h, model.matrix)
                 if s0 > sa:  # the next measurement of this time sees the corrected rate, not the one before
                     cut_interval(part, poly, sa, s0)
@@ -340,7 +358,7 @@ def run_lanes(log, fixes, errors, start, model, truth, memory, kept_of_runs):
         turned = reg[4] * reg[4] + reg[5] * reg[5] + reg[6] * reg[6]
         counts[6] = where_at_most(turned, counts[6], counts[6], turned)
         if log.plan[k] == RECORD:
-            note(r, truth, start.nav, dx_f, state, true, process, wander, work, records)
+            note(r, truth, start.nav, dx_f, state, true, process, wander, clock[r], sky.clock_at, work, records)
             r += 1
         earlier, before, now = before, now, earlier
         h2, h1 = h1, h
@@ -361,8 +379,9 @@ def prepare_lanes() -> None:
         of(LaneLog, m, m, f, x, k),
         of(LaneFixes, f, k, m, m, m, m, m, f),
         of(LaneErrors, m, f, m, m, m, nb.uint64[:, ::1], yes),
+        of(LaneSky, m, c, k),
         of(LaneState, m, m, c),
-        of(LaneModel, km, m, f, x, i, i, yes, yes, yes),
+        of(LaneModel, km, i, k, m, f, x, i, i, yes, yes, yes),
         of(LaneTruth, m, m, km),
         m,
         of(LaneRecordArrays, c, c, c, m),

@@ -41,9 +41,10 @@ def normalised(P, dx, first, last, L, z):
 
 
 @kernel
-def note(r, truth, nav_f, dx_f, state, true, process, wander, work, records):
+def note(r, truth, nav_f, dx_f, state, true, process, wander, clock, clock_at, work, records):
     """Record ``r``: errors and sigmas (navigation in north, east, down of the true position) and NEES of blocks.
 
+    ``clock[c]`` are true clock states and ``clock_at`` their places among the parameters.
     ``nav_f`` and ``dx_f`` are ``state.nav`` and ``work.dx`` as plain numbers.
     """
     nav, est, P = state
@@ -66,7 +67,7 @@ def note(r, truth, nav_f, dx_f, state, true, process, wander, work, records):
         dx_f[0, j], dx_f[1, j], dx_f[2, j] = g * x, g * y, g * v
     for i in range(6):
         dx[3 + i] = nav[4 + i] - true_nav[4 + i]
-    m = est.shape[0]
+    m = error.shape[0] - 9
     for k in range(m):
         dx[9 + k] = est[k] - true[k]
     for p in range(process.shape[0]):
@@ -74,6 +75,8 @@ def note(r, truth, nav_f, dx_f, state, true, process, wander, work, records):
         if at >= 0:
             for i in range(3):
                 dx[9 + at + i] -= wander[3 * p + i]
+    for i in range(clock_at.shape[0]):
+        dx[9 + clock_at[i]] -= clock[i]
     for b in range(blocks.shape[0]):
         records.nees[r, b] = normalised(P, dx, blocks[b, 0], blocks[b, 1], work.L, work.zn)
     for o in (0, 3, 6):

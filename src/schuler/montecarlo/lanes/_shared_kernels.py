@@ -11,9 +11,12 @@ from __future__ import annotations
 import schuler.filtering.kernels.accumulation as accumulation
 import schuler.filtering.kernels.axes as axes
 import schuler.filtering.kernels.covariance as covariance
+import schuler.filtering.kernels.range as ranges
 import schuler.filtering.kernels.sensor_errors as sensor_errors
 import schuler.filtering.kernels.update as update
+import schuler.filtering.kernels.vehicle as vehicle
 import schuler.mechanization.kernels as mechanization
+from schuler.filtering.kernels.vector import where_at_most
 from schuler.jit import inlined, lane_version
 
 
@@ -21,6 +24,19 @@ from schuler.jit import inlined, lane_version
 def longitude_direction(x, y, p):
     """Cosine and sine of longitude; no run comes near the poles."""
     return x / p, y / p
+
+
+@inlined
+def mean_rate(reg):
+    """Mean angular rate of the present interval, body axes, and one over its length; zero before the first one."""
+    k = where_at_most(reg[0], 0.0, 0.0, 1.0 / reg[0])
+    return k * reg[4], k * reg[5], k * reg[6], k
+
+
+@inlined
+def estimated_lever(lever, est, i_lever):
+    """Lever arm in body axes, of which runs in lanes estimate no error."""
+    return lever[0], lever[1], lever[2]
 
 
 ned_axes = lane_version(update.ned_axes, longitude_direction=longitude_direction)
@@ -50,6 +66,7 @@ gram = lane_version(covariance.gram)
 transition = lane_version(covariance.transition)
 add_half_noise = lane_version(covariance.add_half_noise, dcm=dcm)
 scale_parameters = lane_version(covariance.scale_parameters)
+add_clock_drift = lane_version(covariance.add_clock_drift)
 navigation_rows = lane_version(
     covariance.navigation_rows,
     apply_navigation=lane_version(covariance.apply_navigation),
@@ -78,4 +95,32 @@ turn_axes = lane_version(
         dcm=dcm,
     ),
     add_turned=lane_version(axes.add_turned),
+)
+
+turned_by = lane_version(update.turned_by)
+pseudorange = lane_version(ranges.pseudorange, dcm=dcm, clock_columns=lane_version(ranges.clock_columns))
+pseudorange_row = lane_version(
+    update.pseudorange_row,
+    estimated_lever=estimated_lever,
+    turned_by=turned_by,
+    dcm=dcm,
+    pseudorange=pseudorange,
+    multipath=lane_version(ranges.multipath),
+)
+carrier_phase_row = lane_version(
+    update.carrier_phase_row,
+    estimated_lever=estimated_lever,
+    turned_by=turned_by,
+    dcm=dcm,
+    pseudorange=pseudorange,
+    ambiguity=lane_version(ranges.ambiguity),
+)
+range_rate_row = lane_version(
+    update.range_rate_row,
+    estimated_lever=estimated_lever,
+    turned_by=turned_by,
+    dcm=dcm,
+    mean_rate=mean_rate,
+    range_rate=lane_version(ranges.range_rate, dcm=dcm),
+    rate_columns=lane_version(vehicle.rate_columns),
 )

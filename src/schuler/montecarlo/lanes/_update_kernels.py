@@ -151,11 +151,17 @@ def correct(P, nav, est, W, e, dx, nis, limit):
         p = P[i]
         for j in range(n if i >= 9 else 9):
             p[j] -= w0 * W[j, 0] + w1 * W[j, 1] + w2 * W[j, 2]
+    feed_back(nav, est, dx)
+
+
+@inlined
+def feed_back(nav, est, dx):
+    """Closed-loop correction of navigation states and parameters by the estimated errors ``dx``."""
     turn(nav, -dx[0], -dx[1], -dx[2])
     for i in range(3):
         nav[4 + i] -= dx[3 + i]
         nav[7 + i] -= dx[6 + i]
-    for k in range(n - 9):
+    for k in range(est.shape[0]):
         est[k] -= dx[9 + k]
 
 
@@ -183,7 +189,7 @@ def turn(nav, x, y, z):
 @kernel
 def take(
     kind, lever, R, gate, lockout, omega, zm, nav, est, P, reg, h, sens, ptab, on_psi, cross, U, H, Hp, W, y, e, dx, M,
-    locks, counts, i,
+    locks, counts, i, n_sensor,
 ):  # fmt: skip
     """One measurement update; ``counts`` as :func:`~._kernels.run_lanes` describes them."""
     ned_axes(nav, U)
@@ -202,4 +208,4 @@ def take(
     counts[3 * i] += where_at_most(nis, BIG, nis, 0.0)
     counts[3 * i + 1] += used
     counts[3 * i + 2] += 1.0 - used
-    spread_estimates(est, ptab, est.shape[0], M, sens)
+    spread_estimates(est, ptab, n_sensor, M, sens)

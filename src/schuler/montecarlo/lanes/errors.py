@@ -12,7 +12,7 @@ import numpy as np
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.exceptions import InputError
 from schuler.filtering.error_model import sensor_matrices
-from schuler.filtering.states import StateLayout
+from schuler.filtering.states import BLOCKS, StateLayout
 from schuler.sensors.errors import Gauge, ImuErrors
 from schuler.sensors.noise import (
     Flicker,
@@ -156,7 +156,7 @@ class LaneErrors:
 
     @classmethod
     def of_layout(cls, layout: StateLayout, gyro_n: ArrayLike, accel_n: ArrayLike, rate_hz: float) -> LaneErrors:
-        """What the filter believes: every parameter drawn from its own model, for consistency checks.
+        """What the filter believes of the IMU: every parameter drawn from its own model, for consistency checks.
 
         Parameters
         ----------
@@ -171,6 +171,7 @@ class LaneErrors:
             If a block other than a bias is modelled as anything but a constant.
         """
         dt = 1.0 / rate_hz
+        layout = StateLayout({name: model for name, model in layout.models.items() if BLOCKS[name][0][0] >= 0})
         processes = []
         for name, model in layout.models.items():
             if not (model.noise or model.tau):
@@ -239,11 +240,13 @@ class LaneErrors:
 
 
 def true_parameters(layout: StateLayout, constants: FloatArray) -> FloatArray:
-    """Values of the layout's parameters, in-run processes left out. Shape (m,)."""
+    """Values of the layout's parameters, in-run processes left out; zero where they are no IMU's. Shape (m,)."""
     b_g, b_a, M_g, M_a, G_g = np.split(constants, [3, 6, 15, 24])
     matrices = {"M_g": M_g.reshape(3, 3), "M_a": M_a.reshape(3, 3), "G_g": G_g.reshape(3, 3)}
     values = np.zeros(layout.size - 9)
     for name in layout.models:
+        if BLOCKS[name][0][0] < 0:
+            continue
         k = layout[name].start - 9
         for sensor, axis, source in layout.table()[k : layout[name].stop - 9]:
             if source == 0:

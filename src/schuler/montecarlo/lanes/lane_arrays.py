@@ -37,6 +37,14 @@ class LaneFixes(NamedTuple):
     gate: FloatArray  # (m,) below 0: not used
 
 
+class LaneSky(NamedTuple):
+    """Errors of satellites' ranges and the receiver's clock, drawn by each run; empty without single satellites."""
+
+    error: FloatArray  # (m, LANES) measured minus true, clock included, by measurement [m], [m/s]
+    clock: FloatArray  # (r, c, LANES) true clock states at the records
+    clock_at: IntArray  # (c,) int64: their places among the parameters
+
+
 class LaneErrors(NamedTuple):
     """Errors of the sensors of each run."""
 
@@ -46,7 +54,8 @@ class LaneErrors(NamedTuple):
     # parameter they count to (-1 for none), and whether s is not zero
     process: FloatArray
     wander: FloatArray  # (6 p, LANES) their values at the first sample (3 p), and s (3 p)
-    true: FloatArray  # (m, LANES) true values of the parameters without in-run processes
+    # (m, LANES) true values of the parameters without in-run processes; of a receiver's clock zero
+    true: FloatArray
     streams: npt.NDArray[np.uint64]  # (12, LANES) uint64: of white noise, processes and measurements, four each
     response: bool  # there are scale factors, misalignments or g-sensitivities
 
@@ -63,6 +72,8 @@ class LaneModel(NamedTuple):
     """What the filters believe and how they run, see :class:`~schuler.filtering.filter_arrays.Model`."""
 
     table: IntArray  # (m, 3) int64
+    n_sensor: int  # parameters that are errors of the IMU, which come first
+    places: IntArray  # (15,) int64: first state of each block in filtering.limits.PLACES, or -1
     dynamics: FloatArray  # (m, 2)
     psd: FloatArray  # (6,)
     omega: float  # Earth rate [rad/s]
@@ -84,12 +95,13 @@ class LaneTruth(NamedTuple):
 class LaneRecordArrays(NamedTuple):
     """What is kept of the runs."""
 
-    error: FloatArray  # (r, n, LANES) navigation in north, east, down
+    error: FloatArray  # (r, n, LANES) navigation in north, east, down; states behind the first n are not recorded
     sigma: FloatArray  # (r, n, LANES)
     nees: FloatArray  # (r, b, LANES)
-    # (10, LANES) sum of normalised innovations, accepted and rejected, of positions, then of velocities; largest
+    # (N_COUNTS, LANES) sum of normalised innovations, accepted and rejected, of positions, then of velocities; largest
     # squared rotation of an interval; 1 if the engine would have readmitted fixes or adapted its noise (two rejections
-    # in a row, or innovations that stay too large); forgotten mean of the normalised innovations of both kinds, less 1
+    # in a row, or innovations that stay too large); forgotten mean of the normalised innovations of both kinds, less 1;
+    # sum of normalised innovations, accepted and rejected, of pseudoranges, range rates and carrier phases
     counts: FloatArray
 
 
@@ -124,3 +136,6 @@ class LaneWorkspace(NamedTuple):
     dx: FloatArray  # (n,)
     zn: FloatArray  # (n,)
     L: FloatArray  # (n (n + 1) / 2,)
+    row: FloatArray  # (1, n) row of H of a satellite
+    w: FloatArray  # (n,)
+    range_locks: FloatArray  # (3,) rejections less acceptances, of codes, range rates and phases

@@ -26,15 +26,16 @@ class LaneRecords:
         Estimate minus truth of every state, and the filter's own 1-sigma. [unit of the state]
     nees : dict of str to ndarray, shape (k, r)
         Normalised errors squared, per degree of freedom, by name of what they are taken of.
-    nis : ndarray, shape (k, 2)
-        Mean normalised innovation squared per degree of freedom of positions and of velocities; NaN where there are
-        none.
-    accepted, rejected : ndarray of int, shape (k, 2)
-        Measurements, of positions and of velocities.
+    nis : ndarray, shape (k, 2) or (k, 3)
+        Mean normalised innovation squared per degree of freedom of positions and of velocities, or of codes, range
+        rates and carrier phases of single satellites; NaN where there are none.
+    accepted, rejected : ndarray of int, shape (k, 2) or (k, 3)
+        Measurements of the same kinds.
     diverged : ndarray of bool, shape (k,)
         Runs whose numbers are not finite, or whose estimates made the IMU turn by more than half a radian in a sample,
         for which lanes are not made.
     layout : StateLayout
+        Without ambiguities of carrier phases. Errors of a receiver's clock between two epochs count its true drift.
     """
 
     t: FloatArray
@@ -97,7 +98,7 @@ class LaneStatistics:
     sum_error, sum_square, sum_variance : ndarray, shape (r, n)
         Of errors, their squares, and the filter's own variances.
     sum_nees : dict of str to ndarray, shape (r,)
-    sum_nis : ndarray, shape (2,)
+    sum_nis : ndarray, shape (2,) or (3,)
     layout : StateLayout
     """
 

@@ -13,8 +13,20 @@ from schuler.filtering.engine import run
 from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.filter_arrays import aligned
 from schuler.filtering.initial_state import InitialState
-from schuler.filtering.measurements import ACCEPTED, FORCED, POSITION, REJECTED, MeasurementSchedule
-from schuler.montecarlo.lanes.scenario import LaneScenario, draw_run
+from schuler.filtering.measurements import (
+    ACCEPTED,
+    CARRIER_PHASE,
+    FORCED,
+    POSITION,
+    PSEUDORANGE,
+    RANGE_RATE,
+    REJECTED,
+    VELOCITY,
+    ZERO_VELOCITY,
+    MeasurementSchedule,
+)
+from schuler.montecarlo.lanes.scenario import LaneScenario, clock_places, draw_run
+from schuler.montecarlo.lanes.sky import with_errors
 from schuler.navigation.evaluation.consistency import state_errors
 from schuler.navigation.result import NavigationResult
 from schuler.recording.series import Increments
@@ -29,7 +41,7 @@ class Replay(NamedTuple):
     schedule : MeasurementSchedule
     initial : InitialState
     parameters : ndarray, shape (n, m)
-        True values of the layout's parameters during each sample.
+        True values of the layout's parameters during each sample, ambiguities left out.
     """
 
     increments: Increments
@@ -65,6 +77,8 @@ def replay(scenario: LaneScenario, number: int, *, seed: int = 0) -> Replay:
         bias[:, 3 * int(sensor) : 3 * int(sensor) + 3] += history
         if place >= 0:
             parameters[:, int(place) : int(place) + 3] += history
+    if drawn.ranges is not None:
+        parameters[:, clock_places(layout)] = drawn.ranges.clock_states(layout, ideal.t[1:])
     M_g, M_a, G_g = drawn.constants[6:].reshape(3, 3, 3)
     root = np.sqrt(h) * errors.white
     dtheta = ideal.gyro + ideal.gyro @ M_g.T + ideal.accel @ G_g.T + h * bias[:, :3] + root[:3] * z[:, :3]
@@ -76,6 +90,8 @@ def replay(scenario: LaneScenario, number: int, *, seed: int = 0) -> Replay:
     noise = aiding.sigma[noisy] * normals_of(fixes, 4 * int(noisy.sum())).reshape(-1, 4)[:, :3]
     values[noisy, :3] += np.einsum("nij,nj->ni", aiding.axes()[noisy], noise)
     schedule = MeasurementSchedule(s.t, s.kind, values, s.R, s.lever, s.gate)
+    if drawn.ranges is not None:
+        schedule = with_errors(schedule, drawn.ranges.error)
     return Replay(Increments(ideal.t[1:], np.diff(ideal.t), dtheta, dv), schedule, drawn.initial, parameters)
 
 
@@ -109,7 +125,7 @@ def through_engine(
     at = np.searchsorted(data.increments.t, result.t - 1e-6)
     truth = scenario.ideal.truth
     _, dx, P = state_errors(result, truth, data.parameters[at])
-    T = ecef_from_ned_states(frames.llh_from_ecef(truth.r_eb_e[at + 1]), layout.size)
+    T = ecef_from_ned_states(frames.llh_from_ecef(truth.r_eb_e[at + 1]), dx.shape[1])
     error[:, :, lane] = np.einsum("kji,kj->ki", T, dx)
     sigma[:, :, lane] = np.sqrt(np.einsum("kji,kjl,kli->ki", T, P, T))
     for i, name in enumerate(scenario.nees):
@@ -117,11 +133,15 @@ def through_engine(
         nees[:, i, lane] = np.einsum(
             "ki,ki->k", dx[:, block], np.linalg.solve(P[:, block, block], dx[:, block, None])[..., 0]
         )
-    for i, mine in enumerate((data.schedule.kind == POSITION, data.schedule.kind != POSITION)):
+    for o, kinds in (
+        (0, (POSITION,)), (3, (VELOCITY, ZERO_VELOCITY)), (10, (PSEUDORANGE,)), (13, (RANGE_RATE,)),
+        (16, (CARRIER_PHASE,)),
+    ):  # fmt: skip
+        mine = np.isin(data.schedule.kind, kinds)
         used = np.isin(forward.status[mine], (ACCEPTED, FORCED))
         rejected = forward.status[mine] == REJECTED
         nis = forward.nis[mine]
-        counts[3 * i : 3 * i + 3, lane] = nis[np.isfinite(nis)].sum(), used.sum(), rejected.sum()
+        counts[o : o + 3, lane] = nis[np.isfinite(nis)].sum(), used.sum(), rejected.sum()
     counts[6, lane] = 0.0  # the lane's own turns say nothing of the engine's
 
 

@@ -22,19 +22,20 @@ from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.filter_arrays import aligned
-from schuler.montecarlo.lanes.aiding import LaneAiding
+from schuler.filtering.limits import PLACES
 from schuler.montecarlo.lanes.lane_arrays import (
     LaneErrors,
     LaneFixes,
     LaneLog,
     LaneModel,
     LaneRecordArrays,
+    LaneSky,
     LaneState,
     LaneTruth,
 )
 from schuler.montecarlo.lanes.records import LaneRecords, LaneStatistics
 from schuler.montecarlo.lanes.replay import Replay, replay, through_engine
-from schuler.montecarlo.lanes.scenario import LARGEST_TURN, LaneScenario, draw_run
+from schuler.montecarlo.lanes.scenario import LARGEST_TURN, LaneScenario, clock_places, draw_run
 
 __all__ = ["LaneScenario", "Replay", "lane_statistics", "replay", "run_lanes"]
 
@@ -135,8 +136,8 @@ class _Prepared:
         h = 1.0 / ideal.rate_hz
         t = ideal.t[1:]
         aiding = scenario.aiding
-        used = (aiding.schedule.t >= ideal.t[0] - 1e-9) & (aiding.schedule.t <= t[-1] + 1e-9)
-        aiding = LaneAiding(aiding.schedule.where(used), aiding.sigma[used])
+        self.used = (aiding.schedule.t >= ideal.t[0] - 1e-9) & (aiding.schedule.t <= t[-1] + 1e-9)
+        aiding = aiding.where(self.used)
         s, M = aiding.schedule, len(aiding)
         rate = options.covariance_rate_hz
         every = 1 if rate is None else max(1, round(1.0 / (rate * h)))
@@ -159,6 +160,8 @@ class _Prepared:
         matrix = any(name[0] in "SMG" for name in layout.models)
         self.model = LaneModel(
             layout.table(),
+            layout.n_sensor,
+            np.array([layout[name].start if name in layout else -1 for name in PLACES]),
             layout.dynamics(),
             psd,
             omega,
@@ -181,12 +184,15 @@ class _Prepared:
         from schuler.filtering.kernels.vector import LANES
         from schuler.montecarlo.lanes import _kernels as k
 
-        scenario = self.scenario
-        n = scenario.layout.size
+        scenario, shown = self.scenario, self.scenario.layout.visible
+        n, hidden = shown.size, scenario.layout.size - shown.size
         draws = [draw_run(scenario, run, seed) for run in numbers]
         filled = draws + [draws[-1]] * (LANES - len(draws))
         T = ecef_from_ned_states(np.array([d.initial.nav.llh for d in filled]), n)
         P = T @ scenario.initial.P @ np.swapaxes(T, 1, 2)
+        if hidden:
+            P = np.pad(P, ((0, 0), (0, hidden), (0, hidden)))
+            P[:, range(n, n + hidden), range(n, n + hidden)] = scenario.layout.initial_variances()[n - 9 :]
         nav = [np.concatenate((d.initial.nav.q_eb, d.initial.nav.v_eb_e, d.initial.nav.r_eb_e)) for d in filled]
         wander = np.concatenate(
             (_lanes([d.starts.ravel() for d in filled]), _lanes([d.slopes.ravel() for d in filled]))
@@ -198,30 +204,41 @@ class _Prepared:
             bool(np.any(constants[6:])),
         )  # fmt: skip
         start = LaneState(
-            _lanes(nav), _lanes([d.initial.parameters for d in filled]), _lanes(list(0.5 * (P + np.swapaxes(P, 1, 2))))
+            _lanes(nav),
+            _lanes([np.append(d.initial.parameters, np.zeros(hidden)) for d in filled]),
+            _lanes(list(0.5 * (P + np.swapaxes(P, 1, 2)))),
         )
         records = len(self.t)
+        places = clock_places(shown)
+        sky = LaneSky(np.empty((0, LANES)), np.empty((records, 0, LANES)), places)
+        if scenario.aiding.sky is not None:
+            drawn = [d.ranges for d in filled if d.ranges is not None]
+            clock = _lanes([d.clock_states(shown, self.t) for d in drawn])
+            sky = LaneSky(_lanes([d.error[self.used] for d in drawn]), clock, places)
         error, sigma = aligned(records, n, LANES), aligned(records, n, LANES)
         nees, counts = aligned(records, len(scenario.nees), LANES), aligned(k.N_COUNTS, LANES)
         k.run_lanes(
-            self.log, self.fixes, errors, start, self.model, self.truth, aligned(self.rows, LANES),
+            self.log, self.fixes, errors, sky, start, self.model, self.truth, aligned(self.rows, LANES),
             LaneRecordArrays(error, sigma, nees, counts),
         )  # fmt: skip
         kept = len(numbers)
         for lane in np.flatnonzero(counts[7, :kept] > 0.0):
             through_engine(scenario, int(numbers[lane]), seed, error, sigma, nees, counts, int(lane))
         error, sigma, nees = (np.ascontiguousarray(np.moveaxis(x, 2, 0)[:kept]) for x in (error, sigma, nees))
-        sums = counts[:6].reshape(2, 3, LANES)[:, :, :kept]
+        # positions and velocities, or codes, range rates and phases of single satellites
+        own = counts[:6] if scenario.aiding.sky is None else counts[10:19]
+        freedom = 3.0 if scenario.aiding.sky is None else 1.0
+        sums = own.reshape(-1, 3, LANES)[:, :, :kept]
         taken = sums[:, 1] + sums[:, 2]
         with np.errstate(invalid="ignore"):
-            nis = np.where(taken > 0.0, sums[:, 0] / (3.0 * np.maximum(taken, 1.0)), np.nan).T
+            nis = np.where(taken > 0.0, sums[:, 0] / (freedom * np.maximum(taken, 1.0)), np.nan).T
         finite = np.isfinite(error).all(axis=(1, 2)) & np.isfinite(sigma).all(axis=(1, 2))
         degrees = {name: stop - start for name, (start, stop) in zip(scenario.nees, self.truth.blocks, strict=True)}
         return LaneRecords(
             t=self.t, runs=np.asarray(numbers, dtype=np.int64), error=error, sigma=sigma,
             nees={name: nees[:, :, i] / degrees[name] for i, name in enumerate(scenario.nees)}, nis=nis,
             accepted=np.rint(sums[:, 1]).astype(np.int64).T, rejected=np.rint(sums[:, 2]).astype(np.int64).T,
-            diverged=~(finite & (counts[6, :kept] < LARGEST_TURN**2)), layout=scenario.layout,
+            diverged=~(finite & (counts[6, :kept] < LARGEST_TURN**2)), layout=shown,
         )  # fmt: skip
 
 

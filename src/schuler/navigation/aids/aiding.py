@@ -150,25 +150,7 @@ def _satellite_parts(sources: Sources, config: NavigationConfig, spec: ImuSpec) 
     if section.coupling == "tight":
         if sources.ranges is None:
             raise InputError("gnss.coupling is tight, but there are no ranges")
-        layout = state_layout(config, spec, sources.ranges)
-        ranges = range_measurements(
-            sources.ranges, section.lever_arm_m, use_rates=section.tight.rates, sigma_scale=section.sigma_scale,
-            gate=gate, slow=section.correlated.of_ranges, channels=sum(name in layout for name in CHANNELS),
-        )  # fmt: skip
-        own = np.where(ranges.kind == PSEUDORANGE, section.tight.range_sigma_scale, section.tight.rate_sigma_scale)
-        ranges = replace(ranges, R=ranges.R * own[:, None, None] ** 2)
-        if section.tight.carrier == "off":
-            return ranges
-        return merged(
-            ranges,
-            carrier_measurements(
-                sources.ranges,
-                section.lever_arm_m,
-                sigma=float(section.tight.carrier_sigma_m),
-                gate=gate,
-                channels=sum(name in layout for name in AMBIGUITIES),
-            ),
-        )
+        return tight_measurements(sources.ranges, config, spec)
     if sources.gnss is None or section.coupling == "off":
         return MeasurementSchedule.empty()
     if section.coupling == "reset":
@@ -176,6 +158,27 @@ def _satellite_parts(sources: Sources, config: NavigationConfig, spec: ImuSpec) 
     return gnss_measurements(
         thinned(sources.gnss, section.every_s), section.lever_arm_m, use_velocity=section.velocity, gate=gate
     )
+
+
+def tight_measurements(ranges: Ranges, config: NavigationConfig, spec: ImuSpec) -> MeasurementSchedule:
+    """Codes, range rates and carrier phases of a tightly coupled run, of ranges that are prepared."""
+    section, layout = config.gnss, state_layout(config, spec, ranges)
+    gate = _gate(section.gate)
+    schedule = range_measurements(
+        ranges, section.lever_arm_m, use_rates=section.tight.rates, sigma_scale=section.sigma_scale, gate=gate,
+        slow=section.correlated.of_ranges, channels=sum(name in layout for name in CHANNELS),
+    )  # fmt: skip
+    own = np.where(schedule.kind == PSEUDORANGE, section.tight.range_sigma_scale, section.tight.rate_sigma_scale)
+    schedule = replace(schedule, R=schedule.R * own[:, None, None] ** 2)
+    if section.tight.carrier == "off":
+        return schedule
+    return merged(
+        schedule,
+        carrier_measurements(
+            ranges, section.lever_arm_m, sigma=float(section.tight.carrier_sigma_m), gate=gate,
+            channels=sum(name in layout for name in AMBIGUITIES),
+        ),
+    )  # fmt: skip
 
 
 def _vehicle_part(imu: ImuSeries, aiding: AidingSection, start: float) -> MeasurementSchedule:

@@ -39,6 +39,18 @@ def pytest_configure(config):
     """Dates of damaged logs are no error. Said in pyproject.toml, it would load the package, and numpy, before the
     number of threads above: a single test process then computes with all cores, and half of its time is waiting."""
     config.addinivalue_line("filterwarnings", "default::schuler.timebase.LeapSecondWarning")
+    draw_without_local_constants()
+
+
+def draw_without_local_constants():
+    """Examples of property tests do not depend on what else a process has imported.
+
+    Hypothesis takes constants from all modules there are, 870 of them, which it reads and parses to find these.
+    """
+    from hypothesis.internal.conjecture import providers
+
+    if hasattr(providers, "_get_local_constants"):
+        providers._get_local_constants = lambda: providers._local_constants
 
 
 @pytest.hookimpl(tryfirst=True)

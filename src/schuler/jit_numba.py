@@ -111,13 +111,13 @@ def _registries_loaded_once(load: Callable[[Any], None]) -> Callable[[Any], None
 
 def _measured_once(measure: Callable[..., int]) -> Callable[..., int]:
     """Size or alignment of a type, for which llvmlite has a module parsed each time."""
-    known: dict[tuple[Any, ...], int] = {}
+    sizes: dict[tuple[Any, ...], int] = {}
 
     def measured(self: Any, target: Any, context: Any = None) -> int:
         key = (str(self), target, context)
-        if key not in known:
-            known[key] = measure(self, target, context)
-        return known[key]
+        if key not in sizes:
+            sizes[key] = measure(self, target, context)
+        return sizes[key]
 
     return measured
 

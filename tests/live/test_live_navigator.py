@@ -97,18 +97,18 @@ def test_an_attitude_claimed_as_its_axes_are_known_is_said_once(recording):
 
 
 @pytest.mark.parametrize("sigma_scale", [0.7, 5.0])
-def test_positions_of_the_antenna_are_said_once(recording, sigma_scale):
+def test_positions_of_the_antenna_are_noted_once(recording, sigma_scale):
     """In the words of the batch run, where they are claimed well enough to tell it from the IMU."""
     part = recording.between(0.0, 70.0)
     arm = cases.CONFIG["gnss"]["lever_arm_m"]
-    for gnss, said in (({}, sigma_scale < 1.0), ({"lever_arm_m": arm}, False), ({"lever_sigma_m": 0.5}, False)):
+    for gnss, noted in (({}, sigma_scale < 1.0), ({"lever_arm_m": arm}, False), ({"lever_sigma_m": 0.5}, False)):
         live = live_run(part, {**cases.CONFIG, "gnss": {"sigma_scale": sigma_scale, "gate": "off", **gnss}})
         cases.fed(live, part, block=50)
-        found = [e for e in live.events if e.text.startswith(ANTENNA_POINT)]
-        assert [e.kind for e in found] == ["measurement"] * said
-        if said:
+        antenna_events = [e for e in live.events if e.text.startswith(ANTENNA_POINT)]
+        assert [e.kind for e in antenna_events] == ["measurement"] * noted
+        if noted:
             P = live.covariance
-            assert antenna_note(np.array([[0.3, 0.4]]))[0].split(":")[1] == found[0].text.split(":")[1]
+            assert antenna_note(np.array([[0.3, 0.4]]))[0].split(":")[1] == antenna_events[0].text.split(":")[1]
             assert np.hypot(*np.sqrt(P.diagonal()[6:8])) < 1.0
 
 

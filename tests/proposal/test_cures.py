@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 from command import run
-from messy_folders import over_ground, simulated, two_sensors_and_gpx
+from messy_folders import over_ground, phyphox, simulated, two_sensors_and_gpx
 
 import schuler
-from schuler.diagnosis.result import Finding
+from schuler.diagnosis.result import Diagnosis, Finding
 from schuler.files import read_toml
-from schuler.proposal import tables
+from schuler.proposal import configuration, hints, tables
 from schuler.proposal.cures import mended, proposed
 from schuler.proposal.files import files_of
+from schuler.recording.formats import nmea
 from schuler.recording.io import columns, read
 
 
@@ -143,3 +144,30 @@ def test_a_receiver_s_time_held_over_samples_is_not_their_clock(tmp_path):
     assert names.index("t") == 8
     assert tables.clock_column(path, names) == 1
     assert tables.clock_column(path, ["-", "t", *names[2:8], "-"]) is None
+
+
+def test_a_format_that_states_its_axes_is_not_asked_about_them(tmp_path):
+    _, recording = simulated(duration=60.0)
+    phyphox(recording, tmp_path)
+    files = files_of([tmp_path], {})
+    likely = Finding("gyro_axes", "warning", "x shows -x", 0.6, "scale='gx=-1'", grave=True)
+    diagnosis = Diagnosis("log", (likely,), {}, (), {}, (), "imu")
+    assert configuration._question(files, diagnosis) is None  # either answer would be refused
+    (tmp_path / "table").mkdir()
+    rows = "".join(f"{0.01 * k:.2f},0,0.{k % 3},-9.8,0,0.00{k % 5},0\n" for k in range(500))
+    (tmp_path / "table" / "imu.csv").write_text("t (s),ax (m/s^2),ay,az,gx (rad/s),gy,gz\n" + rows)
+    question = configuration._question(files_of([tmp_path / "table"], {}), diagnosis)
+    assert "gx=-1" in str(question)
+
+
+def test_velocities_without_an_accuracy_get_one_and_positions_keep_theirs(tmp_path):
+    rows = "".join(f"{k},48.7,9.1,300,1.5,1.5,3,1,0\n" for k in range(20))
+    path = tmp_path / "gps.csv"
+    path.write_text("t,lat,lon,h,sn,se,sd,vn,ve\n" + rows)
+    sigma, (decision,) = hints.accuracy_hints(path, "recording.gnss", "gnss")
+    assert "of velocity" in decision.evidence
+    fixes = read(path, **sigma).need_gnss()
+    np.testing.assert_allclose(np.diag(fixes.cov_r_n[0]), [2.25, 2.25, 9.0], rtol=1e-14)  # rounding
+    np.testing.assert_allclose(np.diag(fixes.cov_v_n[0])[:2], nmea.RATE_ERROR**2, rtol=1e-14)
+    path.write_text(path.read_text().replace(",vn,ve", ",vn,ve,svn,sve").replace(",1,0\n", ",1,0,0.1,0.1\n"))
+    assert hints.accuracy_hints(path, "recording.gnss", "gnss") == ({}, [])

@@ -372,10 +372,11 @@ def test_a_log_cut_off_in_its_last_line(table, still):
     assert "The last line was cut off and left out." in r.metadata.notes
 
 
-def test_words_above_the_header_are_a_banner(tmp_path):
+@pytest.mark.parametrize("banner", ["MPU6050 found\nDone, logging.", "Acme Logger v1.2\nFirmware 3.4 serial 0042\n"])
+def test_words_above_the_header_are_a_banner(tmp_path, banner):
     path = tmp_path / "log.csv"
     rows = "".join(f"{10 * k},0,0,-9.8,0,0,0,25.0\n" for k in range(200))
-    path.write_text("MPU6050 found\nDone, logging.\nmillis,AcX(m/s^2),AcY,AcZ,GyX(mdps),GyY,GyZ,Temp(C)\n" + rows)
+    path.write_text(f"{banner}\nmillis,AcX(m/s^2),AcY,AcZ,GyX(mdps),GyY,GyZ,Temp(C)\n" + rows)
     recording = read(path, units="accel=m/s^2,gyro=mdps,t=ms,temp=C")
     assert recording.imu.interval == pytest.approx(0.01, rel=1e-12)  # rounding
     assert recording.imu.temperature[0] == 25.0

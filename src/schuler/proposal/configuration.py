@@ -176,7 +176,7 @@ def propose(
         decisions += more
     data = _without(data, off)
     config = NavigationConfig.parse(data, "the proposed configuration")
-    remarks = [f.text for f in diagnosis.findings if f.code in ("height_level", "mount", "unchecked")]
+    remarks = [f.text for f in diagnosis.findings if f.code in ("height_level", "mount", "unchecked", "gyro_axes")]
     if files.ignored:
         remarks.append(f"files that were not read: {', '.join(dict.fromkeys(files.ignored))}")
     return Proposal(files.log, recording, config, data, tuple(decisions), tuple(remarks), part)
@@ -332,10 +332,22 @@ def _question(files: Files, diagnosis: Diagnosis) -> SchulerError | None:
         words = {at: value for name, value in new.items() for at in files.names_of(f.part, name)}
         stays = {name: entry.get(name.rpartition(".")[2], _DEFAULTS.get(name.rpartition(".")[2])) for name in words}
         if all(value is not None for value in stays.values()) and all(d.entry not in words for d in files.decisions):
+            if not _takes(files, words):
+                continue  # a format that states it is believed: an answer would be refused
             return UndecidedError(
                 f"{f.text} ({100.0 * f.confidence:.0f} % likely)", [("so it is", words), ("as it was read", stays)]
             )
     return None
+
+
+def _takes(files: Files, answer: Mapping[str, Any]) -> bool:
+    """Whether the log is read with an answer: a format that says this itself refuses it."""
+    more = setup.nested(dict(answer)).get("recording", {})
+    try:
+        dispatch.read(files.log, **merged(files.entries, more))
+    except InputError as error:
+        return "leave out" not in str(error)
+    return True
 
 
 _DEFAULTS = {

@@ -185,15 +185,17 @@ def accuracy_hints(
     if part == "odometer" and "speed" in names and "sspeed" not in names:
         why = f"no column states an accuracy; {_SPEED_SIGMA:g} m/s is typical of wheels"
         return {"sigma_speed": _SPEED_SIGMA}, [Decision(f"{section}.sigma_speed", _SPEED_SIGMA, why)]
-    missing = part == "gnss" and names and not set(columns.SIGMA) <= set(names)
-    if not missing or not {"lat", "n", "x"} & set(names):
+    if part != "gnss" or not {"lat", "n", "x"} & set(names):
+        return {}, []
+    of_velocity = set(columns.VELOCITY[:2]) <= set(names) and not set(columns.VELOCITY_SIGMA[:2]) <= set(names)
+    of_position = not set(columns.SIGMA) <= set(names)
+    if not of_position and not of_velocity:
         return {}, []
     level = nmea.RANGE_ERROR[1]
-    numbers = [level, level, nmea.VERTICAL * level]
-    if set(columns.VELOCITY[:2]) <= set(names) and not set(columns.VELOCITY_SIGMA[:2]) <= set(names):
-        numbers += [nmea.RATE_ERROR] * 3
+    numbers = [level, level, nmea.VERTICAL * level] + [nmea.RATE_ERROR] * (3 if of_velocity else 0)
     sigma = ",".join(f"{number:g}" for number in numbers)
-    why = "no column states an accuracy; that of a receiver by itself, from which filter.tune finds the log's own"
+    of = "" if of_position else " of velocity"
+    why = f"no column states an accuracy{of}; that of a receiver by itself, from which filter.tune finds the log's own"
     return {"sigma": sigma}, [Decision(f"{section}.sigma", sigma, why)]
 
 

@@ -131,9 +131,15 @@ def _names_columns(fields: list[str]) -> bool:
 
 
 def _is_setting(fields: Sequence[str]) -> bool:
-    """Whether a line is a word and its value, or several of them with units: ``Sample Rate,50.000,Hz,,Laps,1``."""
+    """Whether a line is words and their values, some with units: ``Sample Rate,50,Hz,,Laps,1``, ``Build 7 serial 42``.
+
+    A row of a log that begins with a word has more entries, dates among them, than words.
+    """
     filled = [field for field in fields if field]
-    return not _is_entry(fields[0]) and (len(filled) == 2 or 2 * sum(map(lines.is_number, filled)) < len(filled))
+    if _is_entry(fields[0]):
+        return False
+    numbers, entries = (sum(map(is_such, filled)) for is_such in (lines.is_number, _is_entry))
+    return len(filled) == 2 or 2 * numbers < len(filled) or 2 * entries <= len(filled)
 
 
 def _is_entry(field: str) -> bool:

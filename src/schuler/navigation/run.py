@@ -44,7 +44,7 @@ from schuler.navigation.tuning.automatic import supported_run
 from schuler.navigation.tuning.delay import delay_at_end, delay_note
 from schuler.navigation.tuning.tuning import Tuning, tune
 from schuler.recording.io.own import time_document
-from schuler.recording.recording import Recording
+from schuler.recording.recording import Recording, need_recording
 from schuler.recording.series import GnssSeries
 from schuler.sensors.spec import ImuSpec
 
@@ -99,6 +99,7 @@ def navigate(
     >>> result.complete, smoothed.smoothed
     (True, True)
     """
+    need_recording(recording, "navigate")
     config = NavigationConfig.checked(config)
     started = time.perf_counter()
     prepare = partial(_prepared_later, recording, initial=initial, calibration=calibration, base=base)

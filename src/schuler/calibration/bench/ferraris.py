@@ -19,6 +19,7 @@ from schuler.calibration.magnetometer.calibrate import with_poses
 from schuler.calibration.result.parameters import AXES
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError
+from schuler.recording.recording import need_series
 from schuler.recording.series import ImuSeries
 from schuler.units import G0
 
@@ -108,6 +109,7 @@ def calibrate_ferraris(
     """
     from schuler.calibration.bench.turns_in_log import ferraris_sections
 
+    need_series(imu, "calibrate_ferraris")
     if estimator not in ("weighted", "ferraris"):
         raise InputError(f"estimator: expected 'weighted' or 'ferraris', got {estimator!r}")
     if imu.kind == "increment":

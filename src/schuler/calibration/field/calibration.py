@@ -32,6 +32,7 @@ from schuler.calibration.result.parameters import LINEAR
 from schuler.calibration.result.result import CalibrationResult, Residuals
 from schuler.exceptions import InputError
 from schuler.plotting.notebook import Displayed
+from schuler.recording.recording import need_series
 from schuler.recording.series import ImuSeries
 from schuler.standstill.rests import field_rests, given_rests
 from schuler.standstill.stationarity import StaticIntervals
@@ -214,6 +215,7 @@ def calibrate_field(
     >>> field.calibration.status
     'ok'
     """
+    need_series(imu, "calibrate_field")
     options = options or FieldOptions()
     rests = field_rests(imu) if rests is None else rests
     if not len(rests):

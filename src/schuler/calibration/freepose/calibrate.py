@@ -26,6 +26,7 @@ from schuler.calibration.result.halves import checked, halves_of, tried, without
 from schuler.calibration.result.parameters import BIAS_G, MATRIX_G, SENSITIVITY
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError
+from schuler.recording.recording import need_series
 from schuler.recording.series import ImuSeries
 from schuler.units import G0
 
@@ -124,6 +125,7 @@ def calibrate_freepose(
     Tedaldi, Pretto, Menegatti (2014), A robust and easy to implement method for IMU calibration without external
     equipments, ICRA. Departures: noise weights, robust weights, covariance, analytic derivatives, any start.
     """
+    need_series(imu, "calibrate_freepose")
     check_options(
         gravity=gravity,
         gyro_bias=gyro_bias,

@@ -17,7 +17,7 @@ from schuler.calibration.result.result import CalibrationResult
 from schuler.calibration.result.result_file import result_text
 from schuler.calibration.result.session import session_of
 from schuler.exceptions import InputError
-from schuler.recording.recording import Recording
+from schuler.recording.recording import Recording, need_recording
 from schuler.recording.series import ImuSeries
 from schuler.units import DEG_PER_HR, G0, MG
 
@@ -174,6 +174,7 @@ def apply_calibration(
         temperatures it was calibrated at, not in its units, or corrected already; ``allow`` passes over it, except for
         a calibration over temperature, which says nothing outside of its range.
     """
+    need_recording(recording, "apply_calibration")
     if unknown := sorted(set(allow) - set(ALLOWANCES)):
         raise InputError(f"allow: expected any of {', '.join(ALLOWANCES)}, got {', '.join(unknown)}")
     imu = recording.need_imu()

@@ -24,6 +24,7 @@ from schuler.calibration.result.parameters import (
 )  # fmt: skip
 from schuler.exceptions import InputError
 from schuler.plotting.notebook import Displayed
+from schuler.recording.recording import need_series
 from schuler.recording.series import ImuSeries
 from schuler.sensors.errors import ImuErrors
 
@@ -68,13 +69,6 @@ class Residuals:
     def rms(self) -> float:
         """Root mean square. [unit]"""
         return float(np.sqrt(np.mean(np.square(self.value)))) if len(self.value) else float("nan")
-
-
-def _need_series(imu: Any, what: str) -> None:
-    """Refuse a recording, or what else is no series of an IMU."""
-    if not isinstance(imu, ImuSeries):
-        of = ", give its series: recording.imu" if hasattr(imu, "imu") else ""
-        raise InputError(f"{what}: expected an ImuSeries, got {type(imu).__name__}{of}")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -221,7 +215,7 @@ class CalibrationResult(Displayed):
         InputError
             If I + M cannot be inverted, or a temperature is outside of the range of a thermal calibration.
         """
-        _need_series(imu, "apply")
+        need_series(imu, "apply")
         if "thermal" in self.extra and imu.temperature is not None:
             from schuler.calibration.thermal.correction import compensate_thermal
 
@@ -244,7 +238,7 @@ class CalibrationResult(Displayed):
 
     def inverse(self, imu: ImuSeries) -> ImuSeries:
         """What the sensor would have read: the errors put back, without noise; the inverse of :meth:`apply`."""
-        _need_series(imu, "inverse")
+        need_series(imu, "inverse")
         h = imu.interval if imu.kind == "increment" else 1.0
         e = self.errors
         gyro = imu.gyro @ (np.eye(3) + e.M_g).T + imu.accel @ e.G_g.T + h * e.b_g

@@ -218,9 +218,21 @@ def _compiled_part(compiled: Any, args: tuple[Any, ...]) -> tuple[Any, Any, _Par
     result = _core.compiler.compile_extra(
         compiled.typingctx, context, compiled.py_func, args, None, flags, {}, library=code
     )
-    if hasattr(compiled, "apart"):
+    if hasattr(compiled, "apart") and _functions_take_attributes():
         code._final_module.get_function(result.fndesc.mangled_name).add_function_attribute("noinline")
     return result.signature, result.fndesc, code
+
+
+@functools.cache
+def _functions_take_attributes() -> bool:
+    """Whether LLVM's attributes of a function are those of the function: up to llvmlite 0.47 they are of its value."""
+    module = cast(Any, llvmlite.binding).parse_assembly("define i32 @f(i32 %x) {\n  ret i32 %x\n}")
+    module.get_function("f").add_function_attribute("noinline")
+    try:
+        module.verify()
+    except RuntimeError:
+        return False
+    return True
 
 
 def _part_read(compiled: Any, data: bytes) -> tuple[Any, Any, _Part]:

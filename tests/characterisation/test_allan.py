@@ -37,6 +37,7 @@ NBS14 = {
 }
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("kind", ALL_KINDS)
 def test_nbs14(kind):
     """Printed digits; the data are white, so the total deviation has no bias to take off."""

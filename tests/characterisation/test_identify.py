@@ -107,6 +107,7 @@ def test_options_are_checked(clean):
         identify_noise([])
 
 
+@pytest.mark.campaign
 def test_one_fault_an_axis_is_named_with_its_place_and_leaves_the_others_alone(clean):
     x, before = clean
     y = x.copy()

@@ -108,6 +108,7 @@ def test_rows_agree_with_differences_of_the_prediction(drive):
     assert np.count_nonzero(H) == 3 + 3 + 3 + 1 + 1  # attitude, position, lever, clock, ambiguity
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("runs", RUNS)
 @pytest.mark.parametrize(("white", "walk"), [(0.02, 0.0), (SIGMA, WALK)], ids=["white", "white and a walk"])
 @pytest.mark.parametrize("most", [8, 2])

@@ -76,6 +76,7 @@ def _consistency(p, runs, static):
     assert abs(np.mean(floating) / 3.0 - 1.0) < width
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("static", [False, pytest.param(True, marks=pytest.mark.campaign)])
 def test_covariances_are_honest(resting, static):
     _consistency(resting, 20, static)

@@ -284,6 +284,7 @@ def vectornav_log(*, delta=False):
     return made
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("options", [{}, {"streams": "imu=delta"}, {"axes": "FLU", "offset": 0.25}])
 def test_vectornav_in_pieces_is_the_vectornav_of_the_file(tmp_path, options, seed):
@@ -337,6 +338,7 @@ def sbf_log():
     return [block for _, block in sorted(timed, key=lambda pair: pair[0])]
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("options", [{}, {"axes": "FRD", "offset": 0.25}, {"series": "gnss"}])
 def test_sbf_in_pieces_is_the_sbf_of_the_file(tmp_path, options, seed):
@@ -406,7 +408,7 @@ def same_fixes_with_gaps(messages, gnss):
         )
 
 
-@pytest.mark.thinned(2)
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(
     ("made", "options"),

@@ -83,7 +83,7 @@ _GATHER = (
 _DRAWN_PANELS = 4  # into given axes
 
 
-@pytest.mark.thinned(3)
+@pytest.mark.thinned(6)
 @pytest.mark.parametrize("name", NAMES)
 def test_figure(made, name):
     for figure in made(name):

@@ -33,6 +33,7 @@ def proposal(tmp_path_factory):
     return schuler.propose(path, trials=False)
 
 
+@pytest.mark.campaign
 def test_both_series_are_read(proposal):
     assert len(proposal.recording.gnss.t) == 150
     np.testing.assert_allclose(np.diff(proposal.recording.imu.t), 0.02, atol=2e-6)  # rounding of microseconds

@@ -583,6 +583,7 @@ def test_options_and_an_earlier_calibration_are_taken_over():
     assert set(again.out_of_reach) == set(again.share)
 
 
+@pytest.mark.campaign
 def test_the_calibration_so_far_is_that_of_the_log():
     guide = led_automotive()[0]
     again = calibrate_field(guide.series(), AUTOMOTIVE, latitude=LAT, height=HEIGHT, heading=KNOWN)

@@ -81,6 +81,7 @@ def test_field_and_bench_agree_on_every_parameter(bench, solution):
         assert 1.0 / 3.0 < result[name][1] / theirs(bench, name)[1] < 3.0, name
 
 
+@pytest.mark.campaign
 def test_what_the_log_says_of_its_noise(solution):
     """Poses scatter by 1.1 mm/s^2 beyond noise, as the bench method finds too; rates do not."""
     assert 36 <= len(solution.rests) <= 42

@@ -260,6 +260,7 @@ def check_campaign(runs, options, z_limit):
     assert (np.abs(z.mean(axis=0)) < 4.5 / np.sqrt(runs)).all()  # no bias
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("runs", [20, pytest.param(60, marks=pytest.mark.campaign)])
 @pytest.mark.thinned(8)
 @pytest.mark.parametrize("options", OPTIONS)

@@ -71,6 +71,7 @@ def note_of(result):
     return next((note for note in result.notes if note.startswith(DELAY_ESTIMATED)), None)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("offset", "velocities"),
     [

@@ -77,6 +77,7 @@ def test_the_filter_scatters_as_predicted(which):
             assert low < total / n < high, (name, time)  # statistical
 
 
+@pytest.mark.campaign
 def test_only_outages_count_where_there_are_any():
     result = aided()
     t = result.rotary.t

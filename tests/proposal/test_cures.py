@@ -1,9 +1,11 @@
 """Cures: what a finding proposes becomes hints, on top of those the log was read with."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from command import run
-from messy_folders import over_ground, phyphox, simulated, two_sensors_and_gpx
+from messy_folders import one_part, over_ground, phyphox, simulated, two_sensors_and_gpx
 
 import schuler
 from schuler.diagnosis.result import Diagnosis, Finding
@@ -12,7 +14,7 @@ from schuler.proposal import configuration, hints, tables
 from schuler.proposal.cures import mended, proposed
 from schuler.proposal.files import files_of
 from schuler.recording.formats import nmea
-from schuler.recording.io import columns, read
+from schuler.recording.io import columns, read, write
 
 
 @pytest.mark.parametrize(
@@ -171,3 +173,17 @@ def test_velocities_without_an_accuracy_get_one_and_positions_keep_theirs(tmp_pa
     np.testing.assert_allclose(np.diag(fixes.cov_v_n[0])[:2], nmea.RATE_ERROR**2, rtol=1e-14)
     path.write_text(path.read_text().replace(",vn,ve", ",vn,ve,svn,sve").replace(",1,0\n", ",1,0,0.1,0.1\n"))
     assert hints.accuracy_hints(path, "recording.gnss", "gnss") == ({}, [])
+
+
+def test_axes_of_which_several_are_possible_are_noted_with_their_entry(tmp_path):
+    """An IMU whose z points up, and places alone: FLU or RFU, which no rest and no course decides."""
+    _, recording = simulated(duration=60.0)
+    write(one_part(recording, "imu"), tmp_path / "imu.csv")
+    write(one_part(recording, "gnss"), tmp_path / "watch.gpx")
+    files = files_of([tmp_path], {})
+    up = Finding("axes", "warning", "z points up", 0.7, "axes='FLU' or 'RFU'", part="imu")
+    diagnosis = Diagnosis("log", (up, replace(up, severity="note")), {}, (), {}, (), "imu")
+    assert configuration._question(files, diagnosis) is None
+    entry = files.names_of("imu", "axes")[0]
+    (remark,) = configuration._remarks(files, diagnosis)
+    assert remark == f"z points up (70 % likely); it is read as it stands, --set {entry}=... says otherwise"

@@ -176,9 +176,7 @@ def propose(
         decisions += more
     data = _without(data, off)
     config = NavigationConfig.parse(data, "the proposed configuration")
-    remarks = [f.text for f in diagnosis.findings if f.code in ("height_level", "mount", "unchecked", "gyro_axes")]
-    if files.ignored:
-        remarks.append(f"files that were not read: {', '.join(dict.fromkeys(files.ignored))}")
+    remarks = _remarks(files, diagnosis)
     return Proposal(files.log, recording, config, data, tuple(decisions), tuple(remarks), part)
 
 
@@ -338,6 +336,20 @@ def _question(files: Files, diagnosis: Diagnosis) -> SchulerError | None:
                 f"{f.text} ({100.0 * f.confidence:.0f} % likely)", [("so it is", words), ("as it was read", stays)]
             )
     return None
+
+
+def _remarks(files: Files, diagnosis: Diagnosis) -> list[str]:
+    """What is neither cured nor asked about and yet to be known: axes of which several are possible, among others."""
+    remarks = [f.text for f in diagnosis.findings if f.code in ("height_level", "mount", "unchecked", "gyro_axes")]
+    remarks += [
+        f"{f.text} ({100.0 * f.confidence:.0f} % likely); it is read as it stands, "
+        f"--set {files.names_of(f.part, 'axes')[0]}=... says otherwise"
+        for f in diagnosis.findings
+        if f.code == "axes" and f.severity == "warning"
+    ]
+    if files.ignored:
+        remarks.append(f"files that were not read: {', '.join(dict.fromkeys(files.ignored))}")
+    return remarks
 
 
 def _takes(files: Files, answer: Mapping[str, Any]) -> bool:

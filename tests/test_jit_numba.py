@@ -19,7 +19,7 @@ def test_what_users_compile_is_compiled_as_numba_does():
     from numba.core.types.functions import BaseFunction
 
     def parts():
-        builder = getattr(numba.core.codegen, "create_pass_builder", "unrolled")  # numba before 0.64 has none
+        builder = getattr(numba.core.codegen, "create_pass_builder", "unrolled")  # numba 0.61.2 has none
         return builder, BaseFunction.get_call_type
 
     before = parts()

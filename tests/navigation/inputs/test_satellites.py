@@ -1,4 +1,4 @@
-"""Satellite measurements on their way into a filter: repeats, missing sigmas, faults, clock jumps, satellites that go.
+"""Satellite measurements on their way into a filter: repeats, missing sigmas, faults, satellites that go.
 
 A car of two minutes, an IMU with its biases, ranges made by :mod:`schuler.gnss.synthetic` whose errors are known.
 """
@@ -9,18 +9,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from satellite_drive import BUDGET, CLOCK, EPOCH, IMU, LEVER, ORIGIN, Case
 
 from schuler import frames
 from schuler.exceptions import InputError
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import AMBIGUITIES, CHANNELS, StateLayout, StateModel
-from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.ephemerides import Ephemerides, no_glonass
 from schuler.gnss.integrity import Integrity
 from schuler.gnss.point import solve_points
 from schuler.gnss.signals import SPEED_OF_LIGHT
 from schuler.gnss.slow_errors import slow_channels
-from schuler.gnss.synthetic import RangeErrors, Sector, synthetic_ranges
+from schuler.gnss.synthetic import Sector, synthetic_ranges
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.aids.satellite import range_measurements
 from schuler.navigation.config import NavigationConfig
@@ -34,7 +34,6 @@ from schuler.navigation.inputs.satellites import (
     with_clocks,
     with_sigmas,
     within_log,
-    without_clock_jumps,
     without_faults,
 )
 from schuler.navigation.run import navigate
@@ -42,67 +41,7 @@ from schuler.navigation.sections import CorrelatedSection
 from schuler.navigation.states import imu_spec, state_layout
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.satellite_positions import gnss_series
-from schuler.sensors import catalogue
-from schuler.sensors.errors import ImuErrors
-from schuler.simulation.imu import ideal_imu, simulate_imu
-from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion
 from schuler.timebase import TimeBase
-
-IMU = "HG1700-flenniken"
-EPOCH = 1.3e9
-LEVER = np.array([0.4, -0.2, -1.0])
-ORIGIN = np.array([0.85, 0.16, 320.0])
-BUDGET = RangeErrors(noise=0.5, rate_noise=0.05, multipath=0.0, atmosphere=0.0, clock=3e4, drift=20.0, offsets=(15.0,))
-
-CLOCK = {"systems": "GE", "clock_noise_m": 0.2, "clock_drift_noise_m_s": 0.2}  # as the budget has it
-
-
-class Case:
-    """An ideal drive and what a receiver on it measures."""
-
-    def __init__(self) -> None:
-        lap = [
-            Manoeuvre(duration=8.0, speed=10.0),
-            Manoeuvre(duration=7.0, turn=1.5),
-            Manoeuvre(duration=9.0, turn=-2.0, speed=14.0),
-            Manoeuvre(duration=10.0, turn=1.2, speed=8.0),
-        ]
-        motion = ManoeuvreMotion.of([Manoeuvre(duration=6.0), *lap * 4], ORIGIN, heading=0.4, bank=0.2)
-        self.ideal = ideal_imu(motion, 50.0)
-        self.truth = self.ideal.truth
-        self.imu = simulate_imu(
-            self.ideal, ImuErrors.draw(catalogue.spec(IMU), np.random.default_rng(3)), np.random.default_rng(4)
-        ).imu
-        self.t = np.arange(0.5, 120.0, 0.5)
-        s = motion.state(self.t)
-        arm = np.einsum("nij,nj->ni", s.C_eb, np.cross(s.omega_eb_b, LEVER))
-        self.r, self.v = s.r_eb_e + s.C_eb @ LEVER, s.v_eb_e + arm
-        self.orbits = nominal_orbits("GE")
-
-    def made(self, seed=5, **more):
-        return synthetic_ranges(
-            self.t, self.r, self.v, self.orbits, np.random.default_rng(seed), BUDGET, epoch_gps_s=EPOCH,
-            elevation_mask=0.2, **more,
-        )  # fmt: skip
-
-    def recording(self, ranges=None, **more) -> Recording:
-        time = Metadata(time=TimeBase("gps", EPOCH))
-        return Recording(imu=self.imu, ranges=ranges, reference=self.truth, metadata=time, **more)
-
-    def navigated(self, ranges=None, parts=None, base=None, base_station=None, **tight):
-        if base_station is not None:
-            tight["base"] = {"llh_deg": base_station, "code_sigma_m": 0.5}
-        config = {
-            "imu": {"catalogue": IMU},
-            "gnss": {"coupling": "tight", "lever_arm_m": tuple(LEVER), "tight": {**CLOCK, **tight}},
-            "filter": {"smooth": False, "tune": False},
-        }
-        return navigate(self.recording(ranges, **(parts or {})), NavigationConfig.parse(config), base=base)
-
-    def error_n(self, result) -> np.ndarray:
-        """Position error north, east, down at the records."""
-        d = result.states.r_eb_e - self.truth.at(result.t).r_eb_e
-        return np.einsum("nji,nj->ni", frames.C_en(result.states.llh), d)
 
 
 @pytest.fixture(scope="module")
@@ -253,44 +192,6 @@ def test_a_fault_does_not_pass_as_noise(clean):
     assert notes == [
         "8 ranges and 8 range rates excluded by fault detection among the satellites of an epoch"
     ]  # fmt: skip
-
-
-@pytest.mark.parametrize("metres", [-3e5, -60.0, 45.0, 2.99792458e5])
-def test_clock_jumps_are_taken_out(clean, metres):
-    jumped = replace(clean, pseudorange=clean.pseudorange + metres * (clean.t >= 50.0))
-    notes: list[str] = []
-    r, s = without_clock_jumps(jumped, solve_points(jumped), notes)
-    assert len(notes) == 1
-    assert notes[0].startswith("the receiver clock jumped 1 times, first by")
-    step = (r.pseudorange - clean.pseudorange)[r.t >= 50.0]
-    assert np.ptp(step) < 1e-6  # rounding: one number for all
-    assert abs(step[0]) < 2.0  # statistical: the clock's own noise and that of two solutions, about 0.4 m
-    np.testing.assert_array_equal(r.pseudorange[r.t < 50.0], clean.pseudorange[r.t < 50.0])
-    before, after = s.clock[s.t < 50.0][-1], s.clock[s.t >= 50.0][0]
-    np.testing.assert_allclose(after - before, 0.5 * s.drift[s.t < 50.0][-1], atol=3.0)  # statistical
-
-
-def test_jumps_without_range_rates_and_several_of_them(clean):
-    steps = 1e4 * (clean.t >= 30.0) - 200.0 * (clean.t >= 70.0)
-    no_rates = replace(clean, range_rate=np.full(len(clean), np.nan))
-    jumped = replace(no_rates, pseudorange=clean.pseudorange + steps)
-    notes: list[str] = []
-    r, _ = without_clock_jumps(jumped, solve_points(jumped), notes)
-    assert "jumped 2 times, first by +1" in notes[0]
-    left = r.pseudorange - clean.pseudorange
-    assert np.abs(left).max() < 4.0  # statistical: as above, without the rates
-
-
-def test_a_bad_epoch_and_a_calm_clock_are_no_jumps(clean):
-    notes: list[str] = []
-    same, _ = without_clock_jumps(clean, solve_points(clean), notes)
-    assert same is clean
-    bad = replace(clean, pseudorange=clean.pseudorange + 80.0 * (clean.t == 50.0))
-    same, _ = without_clock_jumps(bad, solve_points(bad), notes)
-    assert same is bad
-    subset = clean.where(clean.t < 1.2)
-    assert without_clock_jumps(subset, solve_points(subset), notes)[0] is subset
-    assert not notes
 
 
 def test_range_rates_are_inflated_to_the_long_average_of_gauss_markov_noise(clean):

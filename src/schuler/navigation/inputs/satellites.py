@@ -25,6 +25,7 @@ from schuler.gnss.point import solve_points
 from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import REASONS, Ranges
 from schuler.navigation.config import NavigationConfig
+from schuler.navigation.inputs.clock_steps import without_clock_jumps, without_clock_steps
 from schuler.navigation.inputs.satellite_noise import EXCLUDED, inflate_sigmas, without_reflections
 from schuler.navigation.sections import CorrelatedSection, TightSection
 from schuler.recording.recording import Recording
@@ -32,12 +33,8 @@ from schuler.recording.satellite_positions import gnss_series
 from schuler.recording.series import GnssSeries
 
 _MISSING_RANGE, _MISSING_RATE = 10.0, 1.0  # 1-sigma of measurements that come without one [m], [m/s]
-_SMALLEST_JUMP = 20.0  # of a receiver clock; what is less is its noise, which the clock states follow [m]
-_CLEAR_JUMP = 10.0  # times the usual scatter from epoch to epoch
-_LONGEST_GAP_S = 10.0  # over which a clock is expected to run on
 _START_SIGMA = 10.0  # of a position that ranges are to find anew [m]
 _LEAST_SIGMA = 0.003  # of a phase, by theory: a hundredth of a cycle, and multipath of a good antenna [m]
-_LASTING = 4  # epochs after which a jump must still be there; a bad solution is not
 
 
 @dataclass(frozen=True)
@@ -143,6 +140,9 @@ def satellites(recording: Recording, config: NavigationConfig, notes: list[str])
     if section.clock_noise_m == "log":
         noise = clock_frequency_noise(ranges, sigma)
         notes.append(f"the receiver's clock, by its carriers: white frequency noise of {noise:.2g} m per root second")
+    if section.carrier != "off":
+        stated = section.clock_noise_m if noise is None else noise
+        ranges, solution = without_clock_steps(ranges, solution, sigma, float(stated), notes)
     kept = _kept(ranges, section.min_satellites, section.max_satellites)
     ranges = replace(ranges, reason=np.where(ranges.used & ~kept, 8, ranges.reason))
     return ranges, Points(solution, gnss_series(solution), noise, lasting)
@@ -275,59 +275,6 @@ def without_faults(ranges: Ranges, solution: PointSolution, notes: list[str]) ->
     )
 
 
-def without_clock_jumps(ranges: Ranges, solution: PointSolution, notes: list[str]) -> tuple[Ranges, PointSolution]:
-    """Ranges and solutions with the receiver clock made continuous.
-
-    Parameters
-    ----------
-    ranges : Ranges
-    solution : PointSolution
-        Single-point solutions of these ranges.
-    notes : list of str
-        Gets a sentence if there are jumps.
-
-    Notes
-    -----
-    A jump is what the clocks of all systems move by between two solved epochs beyond what their drift explains (the
-    mean of both ends' from range rates, else the usual rate), if it is more than 20 m and ten times the usual scatter,
-    and the medians of five epochs on both sides show it. Whole milliseconds have been taken out before, by
-    :func:`schuler.gnss.preparation.prepare_ranges`; this serves other steps and ranges that were prepared elsewhere. A
-    jump while there are too few satellites for a solution is assigned to the next solved epoch.
-    """
-    k = np.flatnonzero(solution.ok)
-    if len(k) < 3:
-        return ranges, solution
-    t, clock, drift = solution.t[k], solution.clock[k], solution.drift[k]
-    dt = np.diff(t)
-    steps = np.diff(clock, axis=0)
-    seen = np.isfinite(steps).any(axis=1)
-    common = np.full(len(dt), np.nan)
-    common[seen] = np.nanmedian(steps[seen], axis=1)
-    expected = 0.5 * (drift[1:] + drift[:-1])
-    rate = common / dt
-    usual_rate = float(np.nanmedian(rate)) if seen.any() else 0.0
-    expected = np.where(np.isfinite(expected), expected, usual_rate)
-    left = common - expected * dt
-    tested = seen & (dt <= _LONGEST_GAP_S)
-    if not tested.any():
-        return ranges, solution
-    scatter = 1.4826 * float(np.median(np.abs(left[tested] - np.median(left[tested]))))
-    clear = np.flatnonzero(tested & (np.abs(left) > max(_SMALLEST_JUMP, _CLEAR_JUMP * scatter)))
-    level = np.concatenate(([0.0], np.cumsum(np.where(tested, left, 0.0))))
-    lasting = [_lasting(level, int(i)) for i in clear]
-    jumps = clear[np.array(lasting, dtype=bool)]
-    if not len(jumps):
-        return ranges, solution
-    notes.append(
-        f"the receiver clock jumped {len(jumps)} times, first by {left[jumps[0]]:+.1f} m at {t[jumps[0] + 1]:.3f} s: "
-        "taken out"
-    )
-    times, sums = t[jumps + 1], np.concatenate(([0.0], np.cumsum(left[jumps])))
-    ranges = replace(ranges, pseudorange=ranges.pseudorange - sums[np.searchsorted(times, ranges.t, side="right")])
-    shifted = solution.clock - sums[np.searchsorted(times, solution.t, side="right")][:, None]
-    return ranges, replace(solution, clock=shifted)
-
-
 def with_whole_arcs(ranges: Ranges, solution: PointSolution, sigma: float, notes: list[str]) -> Ranges:
     """Ranges whose carrier phases have arcs that end at every slip the satellites show among themselves.
 
@@ -365,12 +312,6 @@ def _near(ranges: Ranges, solution: PointSolution) -> FloatArray:
     """Antenna of each range by single points, between them on a straight line. Shape (n, 3). [m]"""
     ok = np.flatnonzero(solution.ok)
     return np.column_stack([np.interp(ranges.t, solution.t[ok], solution.r_e[ok, i]) for i in range(3)])
-
-
-def _lasting(level: FloatArray, i: int) -> bool:
-    """Whether the level of a clock before and after interval ``i`` differs for more than an epoch or two."""
-    before, after = level[max(i - _LASTING, 0) : i + 1], level[i + 1 : i + 2 + _LASTING]
-    return bool((np.median(after) - np.median(before)) / (level[i + 1] - level[i]) > 0.5)
 
 
 def inflated(ranges: Ranges, slow: CorrelatedSection) -> Ranges:

@@ -95,6 +95,10 @@ def test_the_verdict_says_what_is_missing(drive):
     assert bare.verdict.status == "doubtful"
     assert "could not be checked" in bare.verdict.reasons[0]
     assert bare.to_dict()["median_hpl_m"] is None
+    alone = replace(
+        ranges, reason=np.where(first < 3, 0, 1), pseudorange=np.where(first < 3, ranges.pseudorange, np.nan)
+    )
+    assert judged(alone).verdict.causes == ("satellites without a message: give more navigation files with --nav",)
     lost = replace(ranges, reason=np.where(ranges.sat >= 200, 1, 0))
     assert any("no messages of Galileo" in remark for remark in judged(lost).verdict.remarks)
 

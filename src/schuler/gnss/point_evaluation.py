@@ -158,7 +158,8 @@ class PointEvaluation:
         causes = [text for count, text in sorted(counts, key=lambda c: -c[0]) if count]
         if np.isin(p.status, (5, 6)).any():
             causes.insert(0, "reflected signals, or messages of another day")
-        if np.sum(of_unsolved & np.isnan(r.pseudorange)) > _HALF * of_unsolved.sum():
+        no_code = np.isnan(r.pseudorange) & (r.reason != _NO_EPHEMERIS)  # without a message there is no range either
+        if np.sum(of_unsolved & no_code) > _HALF * of_unsolved.sum():
             causes.insert(0, "satellites without a pseudorange: log the receiver's codes (RINEX types C), too")
         return tuple(causes) or ("few satellites in view: give more --systems and their --nav",)
 

@@ -229,6 +229,19 @@ def test_the_clocks_of_the_start(case, clean):
         assert p[lay["clock_2"].start - 9] == pytest.approx(15.0, abs=1.5)
 
 
+def test_a_clock_without_range_rates_drifts_as_its_offsets_do(case):
+    """One of a part in a million; started at no drift the filter rejected eleven codes and forced one in."""
+    budget = replace(BUDGET, drift=300.0)
+    made = synthetic_ranges(
+        case.t, case.r, case.v, case.orbits, np.random.default_rng(2), budget, epoch_gps_s=EPOCH, elevation_mask=0.2
+    )
+    result = case.navigated(replace(made.ranges, range_rate=np.full(len(made.ranges), np.nan)))
+    counts = result.innovations.counts()["pseudorange"]
+    assert counts["rejected"] + counts["accepted after lock-out"] == 0
+    assert result.parameter("clock_drift")[0, 0] == pytest.approx(made.drift[0], abs=1.0)
+    assert result.verdict.status == "ok"
+
+
 @pytest.mark.parametrize(
     ("factor", "cause"), [(0.190294, "carriers in metres"), (1.2833, "of another band"), (-1.0, "sign")]
 )

@@ -34,6 +34,7 @@ from schuler.recording.series import GnssSeries
 
 _MISSING_RANGE, _MISSING_RATE = 10.0, 1.0  # 1-sigma of measurements that come without one [m], [m/s]
 _START_SIGMA = 10.0  # of a position that ranges are to find anew [m]
+_NEAR_S = 10.0  # of the start, clocks of single points tell their drift where there are no range rates [s]
 _LEAST_SIGMA = 0.003  # of a phase, by theory: a hundredth of a cycle, and multipath of a good antenna [m]
 
 
@@ -393,7 +394,7 @@ def with_clocks(initial: InitialState, points: Points, layout: StateLayout) -> I
         if len(both):
             near = both[np.argsort(np.abs(s.t[both] - initial.nav.t), kind="stable")[:20]]
             between[i] = np.median(s.clock[near, i] - s.clock[near, 0])
-    drift = float(s.drift[k]) if np.isfinite(s.drift[k]) else 0.0
+    drift = float(s.drift[k]) if np.isfinite(s.drift[k]) else _clock_slope(s, ok[np.abs(s.t[ok] - s.t[k]) <= _NEAR_S])
     reference = float((s.clock[k] - between)[np.isfinite(s.clock[k])][0])  # a solved epoch shows one clock at least
     values = {"clock": reference + drift * (initial.nav.t - float(s.t[k])), "clock_drift": drift}
     values |= {f"clock_{i + 1}": float(between[i]) for i in range(1, len(s.groups))}
@@ -405,3 +406,14 @@ def with_clocks(initial: InitialState, points: Points, layout: StateLayout) -> I
         P = P.copy()
         P[range(6, 9), range(6, 9)] += _START_SIGMA**2
     return InitialState(initial.nav, P, estimates)
+
+
+def _clock_slope(solution: PointSolution, near: IntArray) -> float:
+    """Drift of a receiver clock by its offsets at some epochs, zero where fewer than three show one. [m/s]"""
+    offsets = solution.clock[near]
+    group = int(np.argmax(np.isfinite(offsets).sum(axis=0)))
+    seen = np.isfinite(offsets[:, group])
+    if np.sum(seen) < 3:
+        return 0.0
+    t = solution.t[near[seen]]
+    return float(np.polyfit(t - t.mean(), offsets[seen, group], 1)[0])

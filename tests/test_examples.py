@@ -14,13 +14,15 @@ FUNCTIONS = [name for name in schuler.__all__ if inspect.isfunction(getattr(schu
 EXAMPLES_OF = [name for name in FUNCTIONS if ">>>" in (getattr(schuler, name).__doc__ or "")]
 #: Functions behind a command of several; each has an example of its own.
 NEEDED = {
-    "calibrate_field", "campaign", "choose_imu", "compare_rotary", "compare_runs", "error_budget", "linear_covariance",
-    "navigate", "navigate_foot", "prepare_budget", "rerun", "search_schemes", "simulate",
+    "apply_calibration", "calibrate_field", "calibration_certificate", "calibration_history", "campaign", "choose_imu",
+    "compare_rotary", "compare_runs", "error_budget", "identify_noise", "linear_covariance", "navigate",
+    "navigate_foot", "navigate_rotary", "prepare_budget", "propose", "rerun", "search_schemes", "simulate",
+    "solve_points", "tune_noise",
 }  # fmt: skip
 
 
 #: Examples of seconds; the functions have tests of their own.
-LONG = ("search_schemes", "calibrate_field")
+LONG = ("search_schemes", "calibrate_field", "identify_noise", "tune_noise", "navigate_rotary", "solve_points")
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,10 @@
 """Results in a notebook: one short line as text, a table and a picture as HTML."""
 
+import dataclasses
+import importlib
+import inspect
 import pickle
+import pkgutil
 import re
 
 import figure_cases as cases
@@ -9,17 +13,26 @@ import numpy as np
 import pytest
 import result_cases
 
+import schuler
 from schuler.plotting.drawing import draw
 from schuler.plotting.figure import Figure, Panel, line
-from schuler.plotting.notebook import card
+from schuler.plotting.notebook import Abridged, card
 from schuler.plotting.table import ResultTable
+from schuler.sensors.catalogue import spec
+
+
+@dataclasses.dataclass(repr=False)
+class Sample(Abridged):
+    bias: np.ndarray
+    rows: np.ndarray
+    name: str
 
 
 def kinds():
     log = cases.short_log()
     noise = noise_cases.identification()
     table = ResultTable("a table", ("x_m",), tuple((float(k),) for k in range(40)))
-    return [log, log.imu, log.gnss, noise, noise.axes["gyro_x"], result_cases.full(), table]
+    return [log, log.imu, log.gnss, spec("VN-100"), noise, noise.axes["gyro_x"], result_cases.full(), table]
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +47,26 @@ def test_every_result_is_one_short_line(results):
         assert len(line_of) < 250
         assert "\n" not in line_of
         assert "array(" not in line_of
+
+
+def test_data_of_arrays_are_one_line_with_their_shapes():
+    assert repr(Sample(np.zeros(3), np.zeros((1000, 3)), "x" * 500)) == (
+        "Sample(bias=[0., 0., 0.], rows=<float64, shape (1000, 3)>, name='" + "x" * 76 + "...)"
+    )
+
+
+def test_no_public_class_of_arrays_prints_them():
+    for package in pkgutil.iter_modules(schuler.__path__):
+        if not package.ispkg or package.name in {"reproduce", "cli"}:
+            continue
+        room = importlib.import_module(f"schuler.{package.name}")
+        for name in room.__all__:
+            kind = getattr(room, name)
+            if inspect.isclass(kind) and dataclasses.is_dataclass(kind):
+                arrays = [f.name for f in dataclasses.fields(kind) if "Array" in str(f.type)]
+                code = getattr(inspect.unwrap(kind.__repr__), "__code__", None)
+                made_by_dataclass = code is not None and code.co_filename == "<string>"
+                assert not (arrays and made_by_dataclass), f"{package.name}.{name}: {arrays}"
 
 
 @pytest.mark.campaign

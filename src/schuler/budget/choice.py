@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.budget.covariance import QUANTITIES, LinearCovariance, linear_covariance, true_covariance
 from schuler.budget.requirements import Requirement
 from schuler.budget.scenario import BudgetMission
@@ -182,6 +183,7 @@ class ImuChoice(Displayed):
         return choice_figure(self)
 
 
+@explains_arguments
 def choose_imu(
     mission: BudgetMission,
     requirement: Requirement,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import FloatArray
 from schuler.budget.covariance import QUANTITIES, LinearCovariance, linear_covariance
 from schuler.budget.scenario import BudgetMission
@@ -100,6 +101,7 @@ class ErrorBudget(Displayed):
         return budget_figure(self, single=single)
 
 
+@explains_arguments
 def error_budget(
     mission: BudgetMission,
     spec: ImuSpec,

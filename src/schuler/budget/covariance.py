@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import FloatArray
 from schuler.budget.replay import FilterReplay, System, records_at, replay_constants, replay_filter, replay_noise
 from schuler.budget.scenario import BudgetMission
@@ -105,6 +106,7 @@ def quantity_sigma(P: FloatArray, name: str) -> FloatArray:
     return np.asarray(np.sqrt(np.maximum(sum(P[..., i, i] for i in QUANTITIES[name][0]), 0.0)))
 
 
+@explains_arguments
 def linear_covariance(
     mission: BudgetMission,
     spec: ImuSpec,

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from schuler import rotation, units
+from schuler.arguments import explains_arguments
 from schuler.arrays import ArrayLike, FloatArray
 from schuler.budget.linearisation import Linearised, linearise
 from schuler.exceptions import InputError
@@ -28,6 +29,7 @@ from schuler.filtering.measurements import (
     merged,
 )
 from schuler.navigation.sections import Config, NonNegative, Positive, Section, Triple, change_entry
+from schuler.plotting.notebook import Abridged
 from schuler.recording.series import ImuSeries
 from schuler.recording.trajectory import FullTrajectory
 from schuler.simulation.aid_sections import Window
@@ -128,8 +130,8 @@ class BudgetScenario(Config):
         return cls.parse(data, str(path))
 
 
-@dataclass(frozen=True)
-class BudgetMission:
+@dataclass(frozen=True, repr=False)
+class BudgetMission(Abridged):
     """A mission linearised along its true motion, for any number of IMUs.
 
     Attributes
@@ -167,6 +169,7 @@ class BudgetMission:
         return float(self.truth.t[-1] - self.truth.t[0])
 
 
+@explains_arguments
 def prepare_budget(scenario: BudgetScenario | dict[str, Any] | Path | str) -> BudgetMission:
     """Linearised run of a scenario: an object, nested dictionaries, or the path of a TOML file.
 

@@ -61,6 +61,8 @@ from .result.result import Residuals as Residuals
 from .result.result import result_from as result_from
 from .result.result_file import read_result as read_result
 from .result.result_file import write_result as write_result
+from .result.session import Session as Session
+from .result.session import with_session as with_session
 from .result.unit_history import UnitHistory as UnitHistory
 from .result.unit_history import calibration_history as calibration_history
 from .result.unit_history import history_of as history_of
@@ -86,6 +88,7 @@ __all__ = [
     "Poses",
     "PredictedCovariance",
     "Residuals",
+    "Session",
     "Turns",
     "UnitHistory",
     "apply_calibration",
@@ -139,5 +142,6 @@ __all__ = [
     "triad_matrix",
     "turns_of",
     "with_magnetometer",
+    "with_session",
     "write_result",
 ]

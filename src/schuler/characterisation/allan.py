@@ -9,12 +9,14 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.characterisation import confidence as conf
 from schuler.characterisation.confidence import exponents, fit_mixture, lag1_exponents
 from schuler.characterisation.differences import Mixture, has_covariance
 from schuler.characterisation.variance import Signal, allan_variances, integrate_signal
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.sensors.noise import Process
 
 Kind: TypeAlias = Literal[
@@ -26,6 +28,7 @@ Progress: TypeAlias = Callable[[float], None]
 _PER_OCTAVE = 5  # of the list "log"
 
 
+@explains_arguments
 def allan_deviation(
     x: ArrayLike,
     rate_hz: float,
@@ -244,8 +247,8 @@ def _positive(value: float, name: str) -> float:
     return float(value)
 
 
-@dataclass(frozen=True)
-class AllanCurve:
+@dataclass(frozen=True, repr=False)
+class AllanCurve(Abridged):
     """Deviation of one signal over averaging times, with confidence bounds at every one of them.
 
     Attributes

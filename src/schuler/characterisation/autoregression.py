@@ -11,10 +11,11 @@ import numpy as np
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.characterisation.manual import correlation_time, low_passed
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged, Displayed
 
 
-@dataclass(frozen=True)
-class Autoregression:
+@dataclass(frozen=True, repr=False)
+class Autoregression(Abridged):
     """AR(p) model ``x_k = a_1 x_(k-1) + ... + a_p x_(k-p) + e_k`` of a signal without its mean.
 
     Attributes
@@ -121,8 +122,8 @@ def fit_ar(x: ArrayLike, max_order: int = 20, criterion: Literal["aic", "bic"] =
     return best
 
 
-@dataclass(frozen=True)
-class Prediction:
+@dataclass(frozen=True, repr=False)
+class Prediction(Displayed):
     """AR model against Gauss-Markov process on data neither has seen.
 
     Attributes

@@ -10,6 +10,7 @@ import numpy as np
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.characterisation.differences import exp_tail
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.sensors.noise import GaussMarkov
 
 #: 20 000 (from T/tau = 200 on 6000) simulated records each of a Gauss-Markov process, mean removed, biased estimator of
@@ -38,8 +39,8 @@ _RECORDS = np.array(
 Triple = tuple[float, float, float]
 
 
-@dataclass(frozen=True)
-class Correlation:
+@dataclass(frozen=True, repr=False)
+class Correlation(Abridged):
     """Autocovariance of one signal.
 
     Attributes

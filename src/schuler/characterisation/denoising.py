@@ -14,6 +14,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Displayed
 
 Wavelet: TypeAlias = Literal["haar", "db2"]
 
@@ -25,8 +26,8 @@ _FILTERS: dict[str, FloatArray] = {
 }
 
 
-@dataclass(frozen=True)
-class Denoised:
+@dataclass(frozen=True, repr=False)
+class Denoised(Displayed):
     """A de-noised signal.
 
     Attributes

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.characterisation.axis_noise import Method, axis_noise, mean_of
 from schuler.characterisation.fitting import NoFitError, Weights
 from schuler.characterisation.health import check_static_imu
@@ -44,6 +45,7 @@ _FIELDS = {
 _BUDGET_MODELS = ("N", "N+B", "N+K", "N+GM", "N+B+K", "N+K+GM", "N+B+GM")
 
 
+@explains_arguments
 def identify_noise(
     recordings: Recording | ImuSeries | Sequence[Recording | ImuSeries],
     *,
@@ -94,6 +96,15 @@ def identify_noise(
     ----------
     Guerrier, Skaloud, Stebler and Victoria-Feser (2013), J. Am. Stat. Assoc. 108(503); IEEE Std 952, annex C;
     Flenniken (2005), chapter 2, whose manual route is :mod:`.manual`.
+
+    Examples
+    --------
+    >>> rest = {"type": "static", "lat_deg": 48.0, "lon_deg": 11.0, "duration_s": 1200.0}
+    >>> log = schuler.simulate({"motion": rest, "imu": {"catalogue": "MTi-G-710", "rate_hz": 50.0}, "seed": 1})
+    >>> noise = schuler.identify_noise(log)
+    >>> arw = noise.spec.gyro.random_walk / schuler.units.DEG * 60.0
+    >>> print(f"{arw:.2f} deg/sqrt(h)")  # 0.60 was simulated
+    0.60 deg/sqrt(h)
     """
     if method not in ("gmwm", "allan"):
         raise InputError(f"method: expected 'gmwm' or 'allan', got {method!r}")

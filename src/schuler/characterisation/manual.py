@@ -22,11 +22,12 @@ from schuler.characterisation.correlation import (
 )
 from schuler.characterisation.result import Estimate, Finding
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Displayed
 from schuler.sensors.noise import GaussMarkov, NoiseModel, White
 
 
-@dataclass(frozen=True)
-class ManualNoise:
+@dataclass(frozen=True, repr=False)
+class ManualNoise(Displayed):
     """Noise found by hand.
 
     Attributes

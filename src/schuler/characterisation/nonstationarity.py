@@ -18,6 +18,7 @@ from schuler.arrays import ArrayLike, FloatArray
 from schuler.characterisation.allan import AllanCurve
 from schuler.characterisation.result import Finding, finding_at
 from schuler.characterisation.variance import Signal, allan_variances, integrate_signal
+from schuler.plotting.notebook import Abridged
 
 _PARTS = 8
 _SPLITS = (2, 4, 8)  # halves, quarters, eighths
@@ -28,8 +29,8 @@ _SURE = 1e-3  # chance of one averaging time below which a change is worth a wor
 _LARGE = 1.25  # ratio of deviations from which on it is a warning
 
 
-@dataclass(frozen=True, slots=True)
-class LevelScatter:
+@dataclass(frozen=True, slots=True, repr=False)
+class LevelScatter(Abridged):
     """Change of a log's Allan deviation between its parts, beyond sampling error.
 
     Attributes

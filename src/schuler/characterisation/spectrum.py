@@ -8,6 +8,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 
 _LONGEST = 16384  # samples of a segment: resolution against scatter
 _AROUND = 61  # frequencies whose median is the level
@@ -16,8 +17,8 @@ _LEAST = 1.5  # a line stands out by that factor of the level at least
 _MOST = 30
 
 
-@dataclass(frozen=True)
-class Spectrum:
+@dataclass(frozen=True, repr=False)
+class Spectrum(Abridged):
     """Averaged periodograms of one signal.
 
     Attributes
@@ -138,8 +139,8 @@ class Line:
         return np.asarray(self.amplitude**2 * np.sin(m * phase) ** 4 / np.square(m * np.sin(phase)))
 
 
-@dataclass(frozen=True)
-class CleanSpectrum:
+@dataclass(frozen=True, repr=False)
+class CleanSpectrum(Abridged):
     """Spectrum of a log and its lines.
 
     Attributes

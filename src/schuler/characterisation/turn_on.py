@@ -11,11 +11,12 @@ import numpy as np
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.characterisation.trends import mean_with_sigma
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Displayed
 from schuler.recording.series import ImuSeries
 
 
-@dataclass(frozen=True)
-class TurnOn:
+@dataclass(frozen=True, repr=False)
+class TurnOn(Displayed):
     """Distribution of the bias over switch-ons, per axis.
 
     Attributes

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from schuler.arguments import explains_arguments
 from schuler.diagnosis.log import diagnose_log
 from schuler.diagnosis.result import Diagnosis
 from schuler.diagnosis.run import diagnose
@@ -15,6 +16,7 @@ from schuler.recording.recording import Recording
 CHECKED, PASSED_OVER = "Checked before use", "Passed over (--unchecked)"
 
 
+@explains_arguments
 def check(log: Recording | Path | str, *, quick: bool = False, **more: Any) -> Diagnosis:
     """Find what is wrong with a recording or a log, by physics.
 

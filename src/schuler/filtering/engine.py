@@ -39,6 +39,7 @@ from schuler.filtering.measurements import KINDS, POSITION, RESET_KINDS, VELOCIT
 from schuler.filtering.node_parts import NodeParts, Part
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState
+from schuler.plotting.notebook import Abridged
 from schuler.recording.io.possible import MAX_SPEED, RADII
 from schuler.recording.series import Increments
 
@@ -261,8 +262,8 @@ def _samples(rate_hz: float | None, interval: float) -> int:
     return 1 if rate_hz is None else max(1, round(1.0 / (rate_hz * interval)))
 
 
-@dataclass(frozen=True)
-class ForwardRun:
+@dataclass(frozen=True, repr=False)
+class ForwardRun(Abridged):
     """Raw output of a run, arrays in Earth-fixed axes. Internal: :class:`NavigationResult` is made of it.
 
     Attributes

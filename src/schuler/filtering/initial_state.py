@@ -13,10 +13,11 @@ from schuler.filtering.error_model import parameter_columns
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.alignment import Alignment
 from schuler.mechanization.strapdown import NavState
+from schuler.plotting.notebook import Abridged
 
 
-@dataclass(frozen=True)
-class InitialState:
+@dataclass(frozen=True, repr=False)
+class InitialState(Abridged):
     """Where a filter starts: navigation state, parameter estimates, and the covariance of their errors.
 
     Attributes

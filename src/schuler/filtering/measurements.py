@@ -11,6 +11,7 @@ from schuler import frames
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats, as_vector3
 from schuler.exceptions import InputError
 from schuler.filtering.limits import N_VALUES
+from schuler.plotting.notebook import Abridged
 from schuler.recording.series import GnssSeries
 
 POSITION, VELOCITY, ZERO_VELOCITY, LATERAL, VERTICAL, SPEED, ZERO_RATE, PSEUDORANGE, RANGE_RATE = range(1, 10)
@@ -60,8 +61,8 @@ STATUS = {
 }
 
 
-@dataclass(frozen=True)
-class MeasurementSchedule:
+@dataclass(frozen=True, repr=False)
+class MeasurementSchedule(Abridged):
     """Measurements in the order of their time.
 
     Attributes

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
 from schuler.filtering.limits import MOST_CHANNELS
@@ -298,6 +299,7 @@ class StateLayout:
         return {name: {"sigma": m.sigma, "noise": m.noise, "tau": m.tau} for name, m in self.models.items()}
 
 
+@explains_arguments
 def layout_for(spec: ImuSpec, states: int | tuple[str, ...] = 15) -> StateLayout:
     """State layout that fits an IMU's error budget.
 

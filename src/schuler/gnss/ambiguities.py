@@ -8,12 +8,13 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 
 _GAIN = 1e-9  # relative, by which an exchange of neighbours must make the later variance smaller: rounding makes none
 
 
-@dataclass(frozen=True)
-class AmbiguityFix:
+@dataclass(frozen=True, repr=False)
+class AmbiguityFix(Abridged):
     """Outcome of :func:`fix_ambiguities` for n ambiguities, m of whose combinations were looked at.
 
     Attributes

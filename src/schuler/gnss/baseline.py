@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from schuler import frames
+from schuler.arguments import explains_arguments
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
 from schuler.gnss.ambiguities import fix_ambiguities
@@ -31,6 +32,7 @@ _CONTRADICTED = 1e-6  # probability of residuals as large as those by which held
 _LEAST_FIXED = 4  # combinations of ambiguities that make a position fixed
 
 
+@explains_arguments
 def solve_baseline(
     rover: Observations,
     base: Observations,

@@ -11,6 +11,7 @@ import numpy as np
 from schuler import frames
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.gnss.signals import satellite_name
+from schuler.plotting.notebook import Displayed
 from schuler.verdict import Status, Verdict
 
 if TYPE_CHECKING:
@@ -26,8 +27,8 @@ _CONTRADICTING = 16.27  # squared distance of fixed and float: 99.9 % of chi-squ
 _TOO_LARGE = 2.0  # residuals in units of their standard deviations
 
 
-@dataclass(frozen=True)
-class BaselineSolution:
+@dataclass(frozen=True, repr=False)
+class BaselineSolution(Displayed):
     """Baselines from the base antenna to the rover antenna, one row for each epoch both receivers measured.
 
     Attributes

@@ -16,6 +16,7 @@ from schuler.exceptions import InputError
 from schuler.gnss.ephemerides import Ephemerides, GlonassRecords, KeplerRecords, no_glonass, no_kepler
 from schuler.gnss.orbits import BDT_BEHIND_GPS_S, CONSTANTS
 from schuler.gnss.signals import SYSTEM_NAMES, SYSTEMS, satellite
+from schuler.plotting.notebook import Abridged
 from schuler.timebase import WEEK_S
 from schuler.units import DEG
 
@@ -46,8 +47,8 @@ _GPS_EXPANDED = MappingProxyType({"B1": (94.916, 66.356), "D2": (282.676, 257.97
 _GPS_AXIS, _GPS_INCLINATION = 26_559_700.0, 55.0
 
 
-@dataclass(frozen=True)
-class CircularOrbits:
+@dataclass(frozen=True, repr=False)
+class CircularOrbits(Abridged):
     """Satellites on circular orbits.
 
     Attributes

@@ -8,12 +8,13 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 
 _DEGENERATE = 1e-10  # smallest eigenvalue of normal equations with a unit diagonal that counts as a solution
 
 
-@dataclass(frozen=True)
-class Dilution:
+@dataclass(frozen=True, repr=False)
+class Dilution(Abridged):
     """Standard deviations of a position from ranges with independent errors of 1 m; infinite where there is none.
 
     Attributes

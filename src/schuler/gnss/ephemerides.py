@@ -13,6 +13,7 @@ from schuler.gnss.antennas import Antenna
 from schuler.gnss.code_biases import CodeBiases
 from schuler.gnss.ionosphere_maps import IonosphereMaps
 from schuler.gnss.precise import PreciseClocks, PreciseOrbits
+from schuler.plotting.notebook import Abridged
 
 #: In ``KeplerRecords.source``: a message of the modernised signals.
 NEWER_SOURCE = 0x1000
@@ -20,8 +21,8 @@ NEWER_SOURCE = 0x1000
 B2B_SOURCE = 0x2000
 
 
-@dataclass(frozen=True)
-class KeplerRecords:
+@dataclass(frozen=True, repr=False)
+class KeplerRecords(Abridged):
     """Broadcast orbits and clocks, one row a message. Angles [rad], times [s], distances [m], as in the ICDs.
 
     Attributes
@@ -97,8 +98,8 @@ class KeplerRecords:
         return len(self.sat)
 
 
-@dataclass(frozen=True)
-class GlonassRecords:
+@dataclass(frozen=True, repr=False)
+class GlonassRecords(Abridged):
     """GLONASS states, one row a message; positions in PZ-90, which is WGS-84 to some centimetres.
 
     Attributes
@@ -136,8 +137,8 @@ class GlonassRecords:
         return len(self.sat)
 
 
-@dataclass(frozen=True)
-class Ephemerides:
+@dataclass(frozen=True, repr=False)
+class Ephemerides(Abridged):
     """Everything a navigation file or the navigation messages of a log broadcast.
 
     Attributes

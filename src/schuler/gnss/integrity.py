@@ -17,6 +17,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, as_floats
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 
 _UNCHECKED = 1e-11  # share of its own variance left in a residual below which no other satellite checks this one
 _MOST_SUBSETS = 20_000
@@ -121,8 +122,8 @@ def smallest_noncentrality(false_alarm: float, missed_detection: float, redundan
 DEFAULT_INTEGRITY = Integrity()
 
 
-@dataclass(frozen=True)
-class Identification:
+@dataclass(frozen=True, repr=False)
+class Identification(Abridged):
     """Rows that disagree with the others.
 
     Attributes

@@ -11,10 +11,11 @@ import numpy as np
 from schuler.arrays import ArrayLike, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.gnss.signals import SYSTEM_NAMES, SYSTEMS
+from schuler.plotting.notebook import Displayed
 
 
-@dataclass(frozen=True)
-class Observations:
+@dataclass(frozen=True, repr=False)
+class Observations(Displayed):
     """Measurements of a receiver: one row for each signal of each satellite at each epoch, in order of time.
 
     Attributes

@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from schuler import frames
+from schuler.arguments import explains_arguments
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats
 from schuler.earth import WGS84
 from schuler.exceptions import InputError
@@ -25,6 +26,7 @@ _MISSING_SIGMA = 10.0  # of a range without a standard deviation [m]
 _MISSING_SIGMA_RATE = 1.0  # [m/s]
 
 
+@explains_arguments
 def solve_points(
     ranges: Ranges,
     *,
@@ -77,6 +79,13 @@ def solve_points(
     Yaman (2017), eqs. (3-12) to (3-18), with the geometric range of each satellite in its denominators (the text swaps
     range and pseudorange), weights, several clocks, the rotation of the Earth during travel and its rate
     (Groves (2013), sections 8.5.3 and 9.4.1).
+
+    Examples
+    --------
+    >>> log = schuler.simulate("examples/town_tight.toml")
+    >>> points = schuler.solve_points(log.ranges)
+    >>> print(points.summary())
+    177 of 207 epochs solved (30 too few satellites); 13.9 satellites, PDOP 1.53, ...
     """
     if len(ranges) == 0:
         raise InputError("expected ranges, got none; check the ephemerides and the reasons of the preparation")

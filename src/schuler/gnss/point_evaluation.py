@@ -15,6 +15,7 @@ from schuler.gnss.point_result import LINKED, STATUS, PointSolution
 from schuler.gnss.protection_errors import Direction, Stanford, stanford
 from schuler.gnss.ranges import Ranges
 from schuler.gnss.signals import SYSTEM_NAMES, SYSTEMS, satellite_name
+from schuler.plotting.notebook import Displayed
 from schuler.timebase import week_tow
 from schuler.verdict import Status, Verdict
 
@@ -26,8 +27,8 @@ _HALF = 0.5  # share of epochs from which a reader should ask why
 _TOO_LARGE = 2.0  # residuals in units of their standard deviations
 
 
-@dataclass(frozen=True)
-class PointEvaluation:
+@dataclass(frozen=True, repr=False)
+class PointEvaluation(Displayed):
     """Single points and what they are judged by.
 
     Attributes

@@ -14,6 +14,7 @@ from schuler.exceptions import InputError
 from schuler.gnss.dop import Dilution
 from schuler.gnss.ranges import Ranges
 from schuler.gnss.signals import satellite_name
+from schuler.plotting.notebook import Displayed
 
 #: What became of an epoch (of its positions, or of its velocities); 0, 1 and 8 are usable.
 STATUS = MappingProxyType(
@@ -34,8 +35,8 @@ _USABLE = (0, 1, LINKED)
 _EXCLUDED = 6  # schuler.gnss.ranges.REASONS
 
 
-@dataclass(frozen=True)
-class PointSolution:
+@dataclass(frozen=True, repr=False)
+class PointSolution(Displayed):
     """One row for each epoch. Where there is no solution the numbers are NaN and ``status`` says why: ask ``ok``.
 
     Attributes

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.gnss.antennas import Antenna, phase_delays
@@ -39,6 +40,7 @@ _SHORTEST, _LONGEST = 1.0e7, 1.0e8  # pseudoranges; a receiver clock may be off 
 _FLIGHT_S = 0.08  # for a choice of the message before anything is known [s]
 
 
+@explains_arguments
 def prepare_ranges(
     observations: Observations,
     ephemerides: Ephemerides,

@@ -10,6 +10,7 @@ import numpy as np
 from schuler import frames
 from schuler.arrays import ArrayLike, BoolArray, FloatArray
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Displayed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
 Direction = Literal["horizontal", "vertical"]
 
 
-@dataclass(frozen=True)
-class Stanford:
+@dataclass(frozen=True, repr=False)
+class Stanford(Displayed):
     """Errors against protection levels, one for each epoch with a position and a truth.
 
     Attributes

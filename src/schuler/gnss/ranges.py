@@ -23,6 +23,7 @@ from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.earth import WGS84
 from schuler.exceptions import InputError
 from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS
+from schuler.plotting.notebook import Abridged
 
 #: Why a range is not used; 0 is used.
 REASONS = MappingProxyType(
@@ -41,8 +42,8 @@ REASONS = MappingProxyType(
 _TURN = WGS84.omega_ie / SPEED_OF_LIGHT
 
 
-@dataclass(frozen=True)
-class Ranges:
+@dataclass(frozen=True, repr=False)
+class Ranges(Abridged):
     """One row for each satellite at each epoch, in order of time.
 
     A pseudorange is modelled as ``|r_sat - r_antenna| + sagnac + clock(group) + error``: satellite clock, relativity,

@@ -15,6 +15,7 @@ from schuler.gnss.ephemerides import B2B_SOURCE, NEWER_SOURCE, Ephemerides, Kepl
 from schuler.gnss.orbits import glonass_states, kepler_states
 from schuler.gnss.precise import PreciseOrbits, precise_clocks, precise_positions, relativistic_clock
 from schuler.gnss.signals import BANDS, SPEED_OF_LIGHT, SYSTEMS
+from schuler.plotting.notebook import Abridged
 from schuler.units import HR, MIN
 
 #: How far from its reference time a message may be used. [s]
@@ -29,8 +30,8 @@ _E, _R, _C = (SYSTEMS.index(letter) for letter in "ERC")
 UNKNOWN_DELAY = 1.0
 
 
-@dataclass(frozen=True)
-class SatelliteStates:
+@dataclass(frozen=True, repr=False)
+class SatelliteStates(Abridged):
     """One row for each satellite and time asked for.
 
     Attributes

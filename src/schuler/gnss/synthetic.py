@@ -16,6 +16,7 @@ from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges, predicted_ranges, predicted_rates
 from schuler.gnss.satellites import satellite_states
 from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS, wavelengths
+from schuler.plotting.notebook import Abridged
 from schuler.units import DEG
 
 L1_CYCLE = SPEED_OF_LIGHT / 1.57542e9  # of L1 [m]
@@ -25,8 +26,8 @@ _LIGHT_TIME_STEPS = 4  # each gains a factor 1e5
 States = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
-@dataclass(frozen=True)
-class SyntheticRanges:
+@dataclass(frozen=True, repr=False)
+class SyntheticRanges(Abridged):
     """Ranges and the truth behind them.
 
     Attributes

@@ -16,6 +16,7 @@ from schuler import rotation
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.growth.integrals import Start
+from schuler.plotting.notebook import Abridged
 from schuler.units import G0
 
 if TYPE_CHECKING:
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
 Attitude: TypeAlias = Literal["strapdown", "thesis"]
 
 
-@dataclass(frozen=True)
-class Bounds:
+@dataclass(frozen=True, repr=False)
+class Bounds(Abridged):
     """1-sigma over runs at the end of each step.
 
     Attributes

@@ -16,6 +16,7 @@ from schuler.arrays import ArrayLike, FloatArray
 from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges
+from schuler.plotting.notebook import Abridged
 
 #: State of a live solution, from none to none any more.
 Health = Literal["aligning", "ok", "coasting", "doubtful", "failed"]
@@ -24,8 +25,8 @@ Health = Literal["aligning", "ok", "coasting", "doubtful", "failed"]
 EventKind = Literal["start", "imu", "measurement", "late", "clock", "health", "state", "source", "decoder"]
 
 
-@dataclass(frozen=True, slots=True)
-class ImuSample:
+@dataclass(frozen=True, slots=True, repr=False)
+class ImuSample(Abridged):
     """One sample of an IMU, in the units and axes of the log as the configuration describes them.
 
     Attributes
@@ -44,8 +45,8 @@ class ImuSample:
     temperature: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class ImuBlock:
+@dataclass(frozen=True, slots=True, repr=False)
+class ImuBlock(Abridged):
     """Consecutive samples of an IMU that came together.
 
     Attributes
@@ -75,8 +76,8 @@ def parted(block: ImuBlock, count: int) -> tuple[ImuBlock, ImuBlock]:
     return first, others
 
 
-@dataclass(frozen=True, slots=True)
-class Fix:
+@dataclass(frozen=True, slots=True, repr=False)
+class Fix(Abridged):
     """One solution of a GNSS receiver, of the antenna.
 
     Attributes
@@ -253,8 +254,8 @@ class Event:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Solution:
+@dataclass(frozen=True, slots=True, repr=False)
+class Solution(Abridged):
     """Live solution at one time, of the IMU's position.
 
     Attributes

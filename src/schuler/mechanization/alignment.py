@@ -13,10 +13,11 @@ import numpy as np
 from schuler import earth, frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, as_floats, as_vector3
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 
 
-@dataclass(frozen=True)
-class Alignment:
+@dataclass(frozen=True, repr=False)
+class Alignment(Abridged):
     """Attitude with its covariance.
 
     Attributes

@@ -12,8 +12,10 @@ from typing import Literal
 import numpy as np
 
 from schuler import earth, frames, rotation, units
+from schuler.arguments import explains_arguments
 from schuler.arrays import ArrayLike, FloatArray, as_floats, as_vector3
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.recording.series import Increments
 from schuler.recording.trajectory import FullTrajectory
 
@@ -24,8 +26,8 @@ Frame = Literal["ecef", "ned"]
 _NEAREST_POLE = 89.9 * units.DEG
 
 
-@dataclass(frozen=True)
-class NavState:
+@dataclass(frozen=True, repr=False)
+class NavState(Abridged):
     """Position, velocity and attitude at one time.
 
     Attributes
@@ -87,6 +89,7 @@ class NavState:
         return rotation.rpy_from_quat(self.q_nb)
 
 
+@explains_arguments
 def mechanize(
     increments: Increments, initial: NavState, *, frame: Frame = "ecef", earth_rotation: bool = True
 ) -> FullTrajectory:

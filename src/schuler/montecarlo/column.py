@@ -11,10 +11,11 @@ from schuler.exceptions import InputError
 from schuler.montecarlo.moments import Moments, Products
 from schuler.montecarlo.sketch import QuantileSketch
 from schuler.navigation.evaluation.consistency import chi_square_band
+from schuler.plotting.notebook import Abridged
 
 
-@dataclass(frozen=True)
-class Consistency:
+@dataclass(frozen=True, repr=False)
+class Consistency(Abridged):
     """A mean normalised square over runs against its chi-square band.
 
     Attributes
@@ -42,8 +43,8 @@ class Consistency:
         return float(np.mean(self.inside))
 
 
-@dataclass(frozen=True)
-class ColumnStatistics:
+@dataclass(frozen=True, repr=False)
+class ColumnStatistics(Abridged):
     """Statistics over the runs of one number or of every element of one array.
 
     Attributes

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+from schuler.arguments import explains_arguments
 from schuler.exceptions import InputError
 from schuler.montecarlo import workers as local
 from schuler.montecarlo.fingerprint import fingerprint, plain
@@ -21,6 +22,7 @@ from schuler.montecarlo.store import Span, Store, identity_of, opened
 from schuler.montecarlo.workers import Batches, Finished, Work
 
 
+@explains_arguments
 def campaign(
     function: RunFunction,
     scenario: Any,

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 
 from schuler.arrays import IntArray
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 
 #: Kinds of numbers that are kept, by numpy's letter, as what they are kept.
 _KEPT = {"f": np.float64, "i": np.int64, "u": np.int64, "b": np.bool_}
 _NAME = re.compile(r"[A-Za-z]\w*")
 
 
-@dataclass(frozen=True)
-class Rows:
+@dataclass(frozen=True, repr=False)
+class Rows(Abridged):
     """Results of some runs.
 
     Attributes

@@ -17,13 +17,14 @@ from schuler.montecarlo.column import ColumnStatistics
 from schuler.montecarlo.moments import Moments, Products, merged, merged_products, moments, products
 from schuler.montecarlo.rows import Rows, check_alike, joined
 from schuler.montecarlo.sketch import QuantileSketch
+from schuler.plotting.notebook import Abridged
 
 #: Runs that are reduced together; part of the result's last digits, so it is not an option.
 BLOCK = 64
 
 
-@dataclass(frozen=True)
-class Statistics:
+@dataclass(frozen=True, repr=False)
+class Statistics(Abridged):
     """Which statistics are kept. Mean, sigma, skewness, kurtosis, smallest and largest always are.
 
     Attributes

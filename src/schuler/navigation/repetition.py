@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from schuler.arguments import explains_arguments
 from schuler.diagnosis.admission import checked
 from schuler.exceptions import FileFormatError, InputError
 from schuler.files import json_text, note_input, read_toml, sha256
@@ -17,7 +18,7 @@ from schuler.filtering.engine import Progress
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.evaluated import EvaluatedRun, evaluate_run
 from schuler.navigation.run import navigate
-from schuler.plotting.notebook import Displayed
+from schuler.plotting.notebook import Abridged, Displayed
 from schuler.recording.io.dispatch import read
 from schuler.recording.part import cut
 from schuler.recording.recording import Recording
@@ -27,8 +28,8 @@ _TIMES = ("elapsed_s",)
 _LISTED = 20  # numbers that differ in a summary
 
 
-@dataclass(frozen=True)
-class RunFolder:
+@dataclass(frozen=True, repr=False)
+class RunFolder(Abridged):
     """What a folder of ``schuler navigate`` keeps of its run.
 
     Attributes
@@ -145,6 +146,7 @@ class Repetition(Displayed):
         return "\n".join((f"{self.before.folder}: {len(self.differing)} numbers differ", *rows))
 
 
+@explains_arguments
 def rerun(
     folder: Path | str, recording: Recording | Path | str | None = None, *, progress: Progress | None = None
 ) -> Repetition:

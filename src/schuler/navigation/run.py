@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import ConfigError
 from schuler.files import package_version
@@ -44,11 +45,12 @@ from schuler.navigation.tuning.automatic import supported_run
 from schuler.navigation.tuning.delay import delay_at_end, delay_note
 from schuler.navigation.tuning.tuning import Tuning, tune
 from schuler.recording.io.own import time_document
-from schuler.recording.recording import Recording, need_recording
+from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries
 from schuler.sensors.spec import ImuSpec
 
 
+@explains_arguments
 def navigate(
     recording: Recording,
     config: NavigationConfig | dict[str, Any] | Path | str,
@@ -99,7 +101,6 @@ def navigate(
     >>> result.complete, smoothed.smoothed
     (True, True)
     """
-    need_recording(recording, "navigate")
     config = NavigationConfig.checked(config)
     started = time.perf_counter()
     prepare = partial(_prepared_later, recording, initial=initial, calibration=calibration, base=base)
@@ -243,6 +244,7 @@ def prepared_run(
     return prepared if relative is None else with_integers(prepared, relative, config)
 
 
+@explains_arguments
 def tune_noise(
     recording: Recording, config: NavigationConfig | dict[str, Any] | Path | str, *, initial: InitialState | None = None
 ) -> Tuning:
@@ -266,6 +268,12 @@ def tune_noise(
     ------
     InputError, ConfigError
         As :func:`navigate`; if there are too few fixes.
+
+    Examples
+    --------
+    >>> tuning = schuler.tune_noise(schuler.read("town.parquet"), "examples/town_navigation.toml")
+    >>> tuning.better  # the configuration states what was simulated
+    False
     """
     return tune(prepared_run(recording, NavigationConfig.checked(config), initial=initial), aligned=initial is None)
 

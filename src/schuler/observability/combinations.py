@@ -11,6 +11,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.observability.ranks import Spectrum
+from schuler.plotting.notebook import Abridged
 
 _Writer = Callable[[FloatArray, int, tuple[str, ...], Mapping[str, float]], str]
 _SMALLEST = 1e-7  # parts of a combination below this, in units of the prior, are noise of the elimination
@@ -21,8 +22,8 @@ _FRACTIONS = tuple(Fraction(a, b) for a, b in ((1, 1), (2, 1), (1, 2), (3, 1), (
 _ORDER = ("dv", "dr", "b_a", "b", "b_g", "d")
 
 
-@dataclass(frozen=True)
-class Combination:
+@dataclass(frozen=True, repr=False)
+class Combination(Abridged):
     """A combination of states.
 
     Attributes

@@ -10,10 +10,11 @@ from schuler.arrays import ArrayLike, FloatArray
 from schuler.exceptions import InputError
 from schuler.observability.ranks import spectra
 from schuler.observability.system import LinearSystem
+from schuler.plotting.notebook import Abridged
 
 
-@dataclass(frozen=True)
-class Degree:
+@dataclass(frozen=True, repr=False)
+class Degree(Abridged):
     """Uncertainty of every state over time, relative to the start.
 
     Attributes

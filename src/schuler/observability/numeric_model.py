@@ -12,13 +12,14 @@ from schuler.earth import WGS84, radii_of_curvature
 from schuler.exceptions import InputError
 from schuler.observability.dynamics import transitions
 from schuler.observability.system import LinearSystem, state_names
+from schuler.plotting.notebook import Abridged
 
 _BLOCKS = {"dpsi": 3, "dv": 3, "b_a": 3, "b_g": 3}
 _G = 9.806
 
 
-@dataclass(frozen=True, kw_only=True)
-class RotaryModel:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class RotaryModel(Abridged):
     """Twelve states of an IMU that turns at a constant rate, on a vehicle that does not manoeuvre.
 
     Attributes

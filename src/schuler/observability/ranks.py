@@ -9,12 +9,13 @@ import numpy as np
 from schuler.arrays import ArrayLike, BoolArray, FloatArray
 from schuler.exceptions import InputError
 from schuler.observability.system import LinearSystem
+from schuler.plotting.notebook import Abridged
 
 _EPS = float(np.finfo(np.float64).eps)
 
 
-@dataclass(frozen=True)
-class Spectrum:
+@dataclass(frozen=True, repr=False)
+class Spectrum(Abridged):
     """Singular values of the observability matrix in units of the prior 1-sigmas, and what follows from them.
 
     Attributes

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import FloatArray
 from schuler.earth import WGS84
 from schuler.exceptions import InputError
@@ -166,6 +167,7 @@ def observability(
     return Observability(used, total, along, degree_of_observability(used, times), constants or {})
 
 
+@explains_arguments
 def scenario_observability(scenario: ObservabilityScenario | dict[str, Any] | Path | str) -> Observability:
     """Look at the filter of a scenario: an object, nested dictionaries, or the path of a TOML file."""
     if not isinstance(scenario, ObservabilityScenario):

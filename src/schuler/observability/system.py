@@ -11,10 +11,11 @@ import numpy as np
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.filtering.states import BLOCK_TEXT
+from schuler.plotting.notebook import Abridged
 
 
-@dataclass(frozen=True)
-class LinearSystem:
+@dataclass(frozen=True, repr=False)
+class LinearSystem(Abridged):
     """An error state along a trajectory, sampled at nodes.
 
     Attributes

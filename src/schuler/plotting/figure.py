@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
+from schuler.plotting.notebook import Abridged
 
 #: Points a line keeps: the largest and the smallest value of a thousand stretches, as many as a plot has dots across.
 LIMIT = 2000
@@ -42,8 +43,8 @@ class Samples:
     values: Callable[[], FloatArray]
 
 
-@dataclass(frozen=True, eq=False)
-class Line:
+@dataclass(frozen=True, eq=False, repr=False)
+class Line(Abridged):
     """A curve; NaN breaks it. Without a label it is left out of the legend.
 
     ``along`` names what else is known at its points, for the mouse: of a track the time [s], under the name ``TIME``,
@@ -58,8 +59,8 @@ class Line:
     samples: Samples | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Band:
+@dataclass(frozen=True, eq=False, repr=False)
+class Band(Abridged):
     """The area between two curves; NaN breaks it."""
 
     x: FloatArray
@@ -69,8 +70,8 @@ class Band:
     label: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class Markers:
+@dataclass(frozen=True, eq=False, repr=False)
+class Markers(Abridged):
     """Single points."""
 
     x: FloatArray
@@ -79,8 +80,8 @@ class Markers:
     label: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class Bars:
+@dataclass(frozen=True, eq=False, repr=False)
+class Bars(Abridged):
     """Columns standing on zero; several in a panel stand beside each other."""
 
     x: FloatArray
@@ -109,8 +110,8 @@ class Text:
     place: str = "above"
 
 
-@dataclass(frozen=True, eq=False)
-class Picture:
+@dataclass(frozen=True, eq=False, repr=False)
+class Picture(Abridged):
     """An image behind everything else: ``pixels`` (h, w, 4) of bytes, the first row at the top."""
 
     left: float

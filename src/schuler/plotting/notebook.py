@@ -1,12 +1,15 @@
-"""How results show themselves in a notebook: one line as text; a heading, a table and a picture as HTML."""
+"""How results and data show themselves: one line as text; in a notebook a heading, a table and a picture."""
 
 from __future__ import annotations
 
 import base64
 import io
 from collections.abc import Sequence
+from dataclasses import fields
 from html import escape
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from schuler.exceptions import InputError, MissingExtraError
 
@@ -16,6 +19,19 @@ if TYPE_CHECKING:
 _LINE = 160  # letters of a representation
 _ROWS = 14  # of a table, the others are counted
 _DPI = 96
+_SHOWN = 12  # numbers of an array, of a larger one its shape
+_VALUE = 80  # letters of a value among others
+
+
+class Abridged:
+    """What ``repr`` shows of a dataclass of arrays: one line of names and values, of a large array its shape."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        values = ((f.name, getattr(self, f.name)) for f in fields(self) if f.repr)  # type: ignore[arg-type]
+        text = ", ".join(f"{name}={_abridged(value)}" for name, value in values)
+        return f"{type(self).__name__}({_cut(text, 2 * _LINE)})"
 
 
 class Displayed:
@@ -37,8 +53,7 @@ class Displayed:
         return table.columns, [[shown(v) for v in row] for row in table.rows]
 
     def __repr__(self) -> str:
-        line = self._headline()
-        return f"<{type(self).__name__}: {line if len(line) <= _LINE else line[: _LINE - 3] + '...'}>"
+        return f"<{type(self).__name__}: {_cut(self._headline(), _LINE)}>"
 
     def _repr_html_(self) -> str:
         heads, rows = self._facts()
@@ -51,6 +66,18 @@ class Displayed:
             return None if plot is None else plot()
         except (InputError, MissingExtraError):
             return None
+
+
+def _abridged(value: object) -> str:
+    if isinstance(value, np.ndarray) and value.ndim:
+        if value.size > _SHOWN:
+            return f"<{value.dtype}, shape {value.shape}>"
+        return np.array2string(value, separator=", ", max_line_width=1 << 20).replace("\n", "")
+    return _cut(" ".join(repr(value).split()), _VALUE)
+
+
+def _cut(text: str, letters: int) -> str:
+    return text if len(text) <= letters else text[: letters - 3] + "..."
 
 
 def card(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]], picture: Figure | None = None) -> str:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.diagnosis.gyro_unit import COUNTS_PER_DEG_S, are_counts, possible_units
 from schuler.diagnosis.log import diagnose_log, read_leniently
 from schuler.diagnosis.result import Diagnosis, Finding
@@ -99,6 +100,7 @@ class Proposal(Displayed):
         return "\n".join([*lines, *section_lines(self.data, "", {d.entry: d.evidence for d in self.decisions})]) + "\n"
 
 
+@explains_arguments
 def propose(
     paths: Path | str | Sequence[Path | str],
     *,
@@ -134,6 +136,12 @@ def propose(
         If something has to be known that the log does not tell.
     InputError, FileFormatError
         If there is nothing to navigate, or it cannot be read.
+
+    Examples
+    --------
+    >>> proposal = schuler.propose("town.parquet", imu="MTi-G-710", trials=False)
+    >>> proposal.config.imu.catalogue
+    'MTi-G-710'
     """
     listed = [Path(p) for p in ([paths] if isinstance(paths, (str, Path)) else paths)]
     fixed = setup.nested(dict(given or {}))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -317,22 +316,3 @@ def _between(series: Any, start: float, stop: float) -> Any:
     return replace(
         series, **{n: v[keep] for n, v in columns.items() if isinstance(v, np.ndarray) and len(v) == len(keep)}
     )
-
-
-def need_recording(recording: Any, what: str) -> None:
-    """Refuse what is no recording, such as a file's name: an :class:`InputError` says how to make one of it."""
-    if isinstance(recording, Recording):
-        return
-    how = ""
-    if isinstance(recording, (str, PurePath)):
-        how = f", read it first: schuler.read({str(recording)!r})"
-    elif isinstance(recording, ImuSeries):
-        how = ", make one of it: schuler.Recording(imu=...)"
-    raise InputError(f"{what}: expected a Recording, got {type(recording).__name__}{how}")
-
-
-def need_series(imu: Any, what: str) -> None:
-    """Refuse a recording, or what else is no series of an IMU."""
-    if not isinstance(imu, ImuSeries):
-        of = ", give its series: recording.imu" if hasattr(imu, "imu") else ""
-        raise InputError(f"{what}: expected an ImuSeries, got {type(imu).__name__}{of}")

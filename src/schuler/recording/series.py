@@ -14,7 +14,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
-from schuler.plotting.notebook import Displayed
+from schuler.plotting.notebook import Abridged, Displayed
 from schuler.timebase import SAME_TIME, check_times
 from schuler.units import G0
 
@@ -29,8 +29,8 @@ _NEAR = 1e-6  # far above rounding [-]
 _BLOCK = 8192  # rows whose temporaries stay in the cache
 
 
-@dataclass(frozen=True)
-class Increments:
+@dataclass(frozen=True, repr=False)
+class Increments(Abridged):
     """Integrals of angular rate and specific force over consecutive intervals: what the mechanization takes.
 
     Attributes

@@ -9,6 +9,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_floats, readonly
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.rotary import gimbals
 from schuler.rotary.schedule import Schedule
 from schuler.timebase import check_times
@@ -71,8 +72,8 @@ class Encoder:
             )
 
 
-@dataclass(frozen=True, eq=False)
-class EncoderReadings:
+@dataclass(frozen=True, eq=False, repr=False)
+class EncoderReadings(Abridged):
     """Angles of a platform as read, with what is needed to make attitudes of them.
 
     Attributes

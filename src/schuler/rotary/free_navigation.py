@@ -12,6 +12,7 @@ import numpy as np
 from schuler import frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.mechanization.strapdown import NavState
+from schuler.plotting.notebook import Abridged
 from schuler.recording.series import ImuSeries
 from schuler.recording.trajectory import Trajectory
 from schuler.rotary.du_axes import enu_errors, swap_vector
@@ -24,8 +25,8 @@ from schuler.simulation.imu import simulate_imu
 from schuler.simulation.motion import Motion, StaticMotion
 
 
-@dataclass(frozen=True, eq=False)
-class ErrorHistory:
+@dataclass(frozen=True, eq=False, repr=False)
+class ErrorHistory(Abridged):
     """Errors of a navigation, estimate minus truth, in Du's axes.
 
     Attributes

@@ -14,6 +14,7 @@ import numpy as np
 from schuler import rotation
 from schuler.arrays import ArrayLike, FloatArray, as_floats, as_vector3
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.rotary.rotating_imu import RotatingMotion
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.motion import LocalMotion, Motion, inertial_quantities
@@ -21,8 +22,8 @@ from schuler.simulation.motion import LocalMotion, Motion, inertial_quantities
 _NODES = 4  # of collocation in a step
 
 
-@dataclass(frozen=True, eq=False)
-class Modulation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Modulation(Abridged):
     """A bias of the IMU in navigation axes.
 
     Attributes

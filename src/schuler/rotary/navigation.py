@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from schuler import rotation
+from schuler.arguments import explains_arguments
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import ConfigError
@@ -43,6 +44,7 @@ from schuler.rotary.platform_check import Clocked, check_platform, covered
 from schuler.sensors.spec import ImuSpec
 
 
+@explains_arguments
 def navigate_rotary(
     recording: Recording,
     platform: Platform,
@@ -104,6 +106,22 @@ def navigate_rotary(
     Du (2015), sections 2.2, 5.4 and 6.1, where data are turned to body axes first and the states are in local-level
     axes. Here the IMU's own axes are navigated: biases need no turning, and the platform's rate is only used where a
     lever arm moves.
+
+    Examples
+    --------
+    >>> from schuler.rotary import RotatingMotion, continuous, ideal_rotating_imu
+    >>> from schuler.sensors import ImuErrors, catalogue
+    >>> from schuler.simulation import GnssModel, StaticMotion, simulate_gnss, simulate_imu
+    >>> rng, turning = np.random.default_rng(1), continuous("z", 0.35, start=20.0)
+    >>> ship = StaticMotion([0.8, 0.2, 0.0], [0.0, 0.0, 0.5], 120.0)
+    >>> ideal = ideal_rotating_imu(RotatingMotion(ship, turning), 100.0)
+    >>> imu = simulate_imu(ideal, ImuErrors.draw(catalogue.spec("HG1700"), rng), rng).imu
+    >>> log = schuler.Recording(imu, simulate_gnss(ship, GnssModel(sigma_position=(0.1,) * 3), rng))
+    >>> start = {"method": "given", "rpy_deg": [0.0, 0.0, 29.0]}
+    >>> config = {"imu": {"catalogue": "HG1700"}, "alignment": start}
+    >>> result = schuler.navigate_rotary(log, turning, config)
+    >>> result.complete
+    True
     """
     config = NavigationConfig.checked(config)
     check_aids(config)

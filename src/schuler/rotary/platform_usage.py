@@ -8,6 +8,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.rotary.profiles import AngleProfile
 from schuler.rotary.schedule import Schedule
 
@@ -38,8 +39,8 @@ class PlatformLimits:
             raise InputError(f"a platform's limits are positive and it has an axis, got {self}")
 
 
-@dataclass(frozen=True)
-class PlatformUsage:
+@dataclass(frozen=True, repr=False)
+class PlatformUsage(Abridged):
     """Motion of a platform over a time, by axis.
 
     Attributes

@@ -8,6 +8,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.recording.series import Kind
 from schuler.recording.trajectory import FullTrajectory
 from schuler.rotary.schedule import Schedule
@@ -18,8 +19,8 @@ from schuler.simulation.motion import Motion, MotionState, StaticMotion, inertia
 _STEP = 2e-3  # of the difference that gives a vehicle's angular acceleration [s]
 
 
-@dataclass(frozen=True, eq=False)
-class RotatingMotion:
+@dataclass(frozen=True, eq=False, repr=False)
+class RotatingMotion(Abridged):
     """Motion of the IMU itself: its own axes ``s`` take the place of the body's.
 
     Attributes

@@ -8,12 +8,13 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_floats, readonly
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.rotary import gimbals
 from schuler.rotary.profiles import AngleProfile
 
 
-@dataclass(frozen=True, eq=False)
-class Schedule:
+@dataclass(frozen=True, eq=False, repr=False)
+class Schedule(Abridged):
     """How a platform of one or several axes turns an IMU.
 
     Attributes

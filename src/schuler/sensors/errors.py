@@ -18,6 +18,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats, readonly
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged, Displayed
 from schuler.sensors.noise import NoiseModel, Start, noise_model
 from schuler.sensors.response import (
     as_interval,
@@ -49,8 +50,8 @@ def _zeros33() -> FloatArray:
     return np.zeros((3, 3))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ApplyReport:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ApplyReport(Displayed):
     """True biases and clipping of :meth:`ImuErrors.apply_rates` and :meth:`ImuErrors.apply_increments`.
 
     Attributes
@@ -79,8 +80,8 @@ class ApplyReport:
         return "samples beyond the range: " + (", ".join(cut) if cut else "none")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ImuErrors:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class ImuErrors(Abridged):
     """One realisation of the errors of one IMU, in SI; the defaults are a perfect sensor.
 
     Attributes

@@ -10,10 +10,11 @@ from schuler.arrays import ArrayLike, FloatArray, as_floats, as_vector3, readonl
 from schuler.earth import WGS84, Ellipsoid
 from schuler.exceptions import InputError
 from schuler.frames import C_en, ecef_from_llh, llh_from_ecef
+from schuler.plotting.notebook import Abridged
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class InitialErrors:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class InitialErrors(Abridged):
     """Estimate minus truth of the first position and attitude.
 
     Attributes

@@ -7,11 +7,12 @@ The only place in this layer where other units occur are the keywords of :meth:`
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Literal, TypeAlias, Unpack
 
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Displayed
 from schuler.sensors.sheets import (
     ACCEL_UNITS,
     ALLAN_FLICKER,
@@ -26,7 +27,7 @@ from schuler.sensors.sheets import (
 Density: TypeAlias = Literal["one-sided", "two-sided"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class TriadSpec:
     """Error budget of one triad: 1-sigma values in SI, the same for its three axes; letters as in IEEE Std 952.
 
@@ -199,6 +200,9 @@ class TriadSpec:
         """
         return cls(**read_sheet(AccelerometerSheet, sheet, density, "accelerometer"))
 
+    def __repr__(self) -> str:
+        return f"TriadSpec({', '.join(f'{name}={value!r}' for name, value in self.to_dict().items())})"
+
     def to_dict(self) -> dict[str, float]:
         """The fields that differ from their defaults, in SI, for files. ``random_walk`` is always there."""
         return {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}
@@ -216,8 +220,8 @@ class TriadSpec:
         return cls(**data)
 
 
-@dataclass(frozen=True, slots=True)
-class ImuSpec:
+@dataclass(frozen=True, slots=True, repr=False)
+class ImuSpec(Displayed):
     """Error budget of an IMU.
 
     Attributes
@@ -255,12 +259,24 @@ class ImuSpec:
         """Table of the terms that are not zero, in SI and in the units of data sheets."""
         rate = "" if self.rate_hz is None else f", {self.rate_hz:g} Hz"
         lines = [f"{self.name}{rate}" + (f" ({self.source})" if self.source else "")]
-        for title, triad, table in (("gyroscope", self.gyro, GYRO_UNITS), ("accelerometer", self.accel, ACCEL_UNITS)):
+        for title in ("gyroscope", "accelerometer"):
             lines.append(f"  {title + ', 1 sigma':<34}{'SI':<34}data sheet")
-            for name, (label, si, unit, factor) in table.items():
-                if value := getattr(triad, name):
-                    lines.append(f"    {label:<32}{value:<11.4g} {si:<22}{value / factor:<10.4g} {unit}".rstrip())
+            for _, label, value, si, sheet, unit in (row for row in self._terms() if row[0] == title):
+                lines.append(f"    {label:<32}{value:<11} {si:<22}{sheet:<10} {unit}".rstrip())
         return "\n".join(lines)
+
+    def _terms(self) -> list[tuple[str, ...]]:
+        """Sensor, term, value and unit in SI, value and unit of data sheets, of the terms that are not zero."""
+        tables = (("gyroscope", self.gyro, GYRO_UNITS), ("accelerometer", self.accel, ACCEL_UNITS))
+        return [
+            (title, label, f"{value:.4g}", si, f"{value / factor:.4g}", unit)
+            for title, triad, table in tables
+            for name, (label, si, unit, factor) in table.items()
+            if (value := getattr(triad, name))
+        ]
+
+    def _facts(self) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+        return ("sensor", "1 sigma", "SI", "", "data sheet", ""), self._terms()
 
     def to_dict(self) -> dict[str, Any]:
         """Plain dictionary in SI, for files; :meth:`from_dict` restores an equal object."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_floats, readonly
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.rotation import skew, unskew
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.noise import GaussMarkov, NoiseModel, Start, White
@@ -40,8 +41,8 @@ def _zeros3() -> FloatArray:
     return np.zeros(3)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SimpleTriad:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class SimpleTriad(Abridged):
     """Three sensors, each ``y = u + c + b + w``: constant, moving bias, wide-band noise.
 
     Attributes
@@ -129,7 +130,7 @@ class SimpleTriad:
         return np.asarray(y + self.bias + np.stack(noise, axis=1))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class GyroTriad(SimpleTriad):
     """Gyroscope triad with scale-factor errors, misalignment and non-orthogonality: 21 parameters.
 
@@ -196,7 +197,7 @@ class GyroTriad(SimpleTriad):
         return _inverse(self.matrix(), as_floats(y, "y", (None, 3)) - self.bias)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class AccelerometerTriad(GyroTriad):
     """Accelerometer triad: as :class:`GyroTriad`, with asymmetry and nonlinearity, 27 parameters.
 

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray
+from schuler.plotting.notebook import Abridged
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.satellites import SimulatedSatellites
 
 
-@dataclass(frozen=True, kw_only=True)
-class AidTruth:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class AidTruth(Abridged):
     """Errors of the aids of one simulated recording; None where there is no such aid.
 
     Attributes

@@ -11,6 +11,7 @@ from numpy.polynomial import Polynomial
 from schuler import frames, rotation
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats, as_vector3
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.simulation.motion import MotionState, check_span
 
 Curve: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
@@ -24,8 +25,8 @@ _BUMP = 256.0 * _U**4 * (1.0 - _U) ** 4
 _TIP = -1024.0 * _U**4 * (1.0 - _U) ** 4 * (1.0 - 2.0 * _U)
 
 
-@dataclass(frozen=True)
-class WalkMotion:
+@dataclass(frozen=True, repr=False)
+class WalkMotion(Abridged):
     """Motion of an IMU on a walking foot. Build it with :func:`walk`.
 
     Attributes

@@ -10,6 +10,7 @@ import numpy as np
 from schuler import frames
 from schuler.arrays import BoolArray, FloatArray, as_vector3
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.recording.series import GnssSeries
 from schuler.sensors.noise import gauss_markov
 from schuler.simulation.motion import Motion
@@ -33,8 +34,8 @@ class GnssFault(NamedTuple):
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class GnssModel:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class GnssModel(Abridged):
     """Solutions of a receiver and their errors.
 
     Attributes

@@ -21,10 +21,11 @@ import numpy as np
 from schuler import earth, frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, as_floats, as_vector3
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 
 
-@dataclass(frozen=True, slots=True)
-class MotionState:
+@dataclass(frozen=True, slots=True, repr=False)
+class MotionState(Abridged):
     """True state of the body at n times.
 
     Attributes
@@ -169,8 +170,8 @@ _CHUNK = 32_768
 _RATES = 1 << 20  # instants: a yaw begins anew with them, which moves rates by their rounding
 
 
-@dataclass(frozen=True, slots=True)
-class StaticMotion:
+@dataclass(frozen=True, slots=True, repr=False)
+class StaticMotion(Abridged):
     """A body at rest on the Earth.
 
     Attributes
@@ -200,8 +201,8 @@ LocalPath = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 LocalAttitude = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
-@dataclass(frozen=True, slots=True)
-class LocalMotion:
+@dataclass(frozen=True, slots=True, repr=False)
+class LocalMotion(Abridged):
     """Closed-form motion in the straight north-east-down axes of a point on the Earth.
 
     Attributes

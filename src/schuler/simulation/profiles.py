@@ -16,6 +16,7 @@ import numpy as np
 from schuler import earth
 from schuler.arrays import ArrayLike, FloatArray, as_floats, as_vector3
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.simulation.motion import LocalMotion, MotionState, check_span, euler_attitude, geodetic_state
 
 #: Largest slope of the blend.
@@ -102,8 +103,8 @@ class Manoeuvre:
             )
 
 
-@dataclass(frozen=True, slots=True)
-class ManoeuvreMotion:
+@dataclass(frozen=True, slots=True, repr=False)
+class ManoeuvreMotion(Abridged):
     """Motion by commands, one after the other. Build it with :meth:`of`."""
 
     duration: float
@@ -264,8 +265,8 @@ def _polynomials(knots: FloatArray) -> list[Any]:
     return [np.polynomial.Polynomial.fit(x, column, len(knots) - 1) for column in knots.T]
 
 
-@dataclass(frozen=True, slots=True)
-class SplineMotion:
+@dataclass(frozen=True, slots=True, repr=False)
+class SplineMotion(Abridged):
     """Motion through positions and attitudes at given times, four times continuously differentiable.
 
     Build it with :meth:`through`.

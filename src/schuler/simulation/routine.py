@@ -9,6 +9,7 @@ import numpy as np
 from schuler import frames, rotation
 from schuler.arrays import FloatArray, as_vector3
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.simulation.motion import MotionState, check_span
 from schuler.simulation.profiles import blend
 from schuler.simulation.steps import ZERO, Rest, Routine, Step, Turn, Vector, check_duration
@@ -177,8 +178,8 @@ def free_routine(
 # ----------------------------------------------------------------------------------------------------- motion
 
 
-@dataclass(frozen=True)
-class RoutineMotion:
+@dataclass(frozen=True, repr=False)
+class RoutineMotion(Abridged):
     """A routine carried out at a place, in closed form; see :class:`schuler.simulation.motion.Motion`.
 
     Angular rate and acceleration are continuous and are the exact derivatives of attitude and rate; position, velocity

@@ -25,6 +25,7 @@ from schuler.gnss.synthetic import (
     true_sky,
     with_arcs,
 )
+from schuler.plotting.notebook import Abridged
 from schuler.simulation.motion import Motion
 from schuler.simulation.scalar_aids import outside, times
 from schuler.units import DEG
@@ -78,8 +79,8 @@ class RangeFault(NamedTuple):
     ramp: float = 0.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class SatelliteModel:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SatelliteModel(Abridged):
     """A receiver of raw measurements under a nominal sky.
 
     Attributes

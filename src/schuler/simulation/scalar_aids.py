@@ -11,6 +11,7 @@ import numpy as np
 from schuler import frames, rotation
 from schuler.arrays import FloatArray, as_vector3
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.recording.series import OdometerSeries, ScalarSeries
 from schuler.sensors.noise import gauss_markov
 from schuler.simulation.motion import Motion
@@ -51,8 +52,8 @@ class HeadingModel:
         _check("HeadingModel", self.rate_hz, self.sigma, self.bias_sigma, self.drift, self.drift_time)
 
 
-@dataclass(frozen=True, kw_only=True)
-class HeightModel:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class HeightModel(Abridged):
     """A barometer.
 
     Attributes

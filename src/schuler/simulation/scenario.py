@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from schuler import units
+from schuler.arguments import explains_arguments
 from schuler.exceptions import ConfigError, sentences
 from schuler.files import read_toml
 from schuler.recording.recording import Metadata, Recording
@@ -290,6 +291,7 @@ def _other_aids(mission: Mission, rngs: list[np.random.Generator]) -> tuple[dict
     return parts, truth
 
 
+@explains_arguments
 def simulate(scenario: Scenario | dict[str, Any] | Path | str, rng: np.random.Generator | None = None) -> Recording:
     """Recording of a simulated scenario.
 

@@ -11,12 +11,13 @@ import numpy as np
 from schuler import earth, frames
 from schuler.arrays import FloatArray, as_vector3
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.simulation.motion import MotionState, check_span, geodetic_state
 from schuler.simulation.profiles import STEEPEST, Ramps
 
 
-@dataclass(frozen=True, kw_only=True)
-class Waypoint:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Waypoint(Abridged):
     """A point of a route.
 
     Attributes
@@ -41,8 +42,8 @@ class Waypoint:
             )
 
 
-@dataclass(frozen=True, slots=True)
-class WaypointMotion:
+@dataclass(frozen=True, slots=True, repr=False)
+class WaypointMotion(Abridged):
     """Driving or flying along a smooth route; the body's x axis always points along the path.
 
     Build it with :meth:`through`.

@@ -8,6 +8,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.timebase import check_times
 
 
@@ -25,8 +26,8 @@ def runs_between_pauses(mask: BoolArray, t: FloatArray, pause: float) -> IntArra
     return np.stack((np.sort(np.concatenate((first, jump))), np.sort(np.concatenate((last, jump)))), axis=1)
 
 
-@dataclass(frozen=True)
-class Rests:
+@dataclass(frozen=True, repr=False)
+class Rests(Abridged):
     """Rests of a log, sample by sample.
 
     Attributes

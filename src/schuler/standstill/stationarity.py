@@ -8,6 +8,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_vector3
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Displayed
 from schuler.recording.series import ImuSeries
 from schuler.standstill.detectors import (
     MAX_RATE,
@@ -27,8 +28,8 @@ from schuler.units import G0
 LARGEST_BIAS = 0.1
 
 
-@dataclass(frozen=True)
-class StaticIntervals:
+@dataclass(frozen=True, repr=False)
+class StaticIntervals(Displayed):
     """Intervals of a log in which the unit stands still.
 
     Attributes

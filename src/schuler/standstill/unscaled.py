@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray, IntArray
+from schuler.plotting.notebook import Abridged
 from schuler.recording.io.checks import largest, norms, quiet_rates
 from schuler.recording.series import ImuSeries
 from schuler.standstill.intervals import true_runs
@@ -14,8 +15,8 @@ from schuler.standstill.intervals import true_runs
 _BLOCK = 1 << 16  # samples that are looked at at a time
 
 
-@dataclass(frozen=True)
-class UnscaledRests:
+@dataclass(frozen=True, repr=False)
+class UnscaledRests(Abridged):
     """Stretches of rest with their means, in the units of the log.
 
     Attributes

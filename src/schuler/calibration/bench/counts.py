@@ -12,6 +12,7 @@ from schuler.arrays import FloatArray, as_floats
 from schuler.calibration.freepose.calibrate import calibrate_freepose
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.recording.series import ImuSeries
 from schuler.units import G0
 
@@ -27,8 +28,8 @@ _NEAR = 0.25
 _BITS = range(9, 32)
 
 
-@dataclass(frozen=True, eq=False)
-class CountFactors:
+@dataclass(frozen=True, eq=False, repr=False)
+class CountFactors(Abridged):
     """What makes a log in counts one in SI: ``s (y - m)``.
 
     Attributes

@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import ArrayLike, FloatArray
 from schuler.calibration.bench.faces import Bias, Faces
 from schuler.calibration.bench.gyro_readings import GyroReadings, gyro_design
@@ -19,7 +20,6 @@ from schuler.calibration.magnetometer.calibrate import with_poses
 from schuler.calibration.result.parameters import AXES
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError
-from schuler.recording.recording import need_series
 from schuler.recording.series import ImuSeries
 from schuler.units import G0
 
@@ -28,6 +28,7 @@ Estimator: TypeAlias = Literal["weighted", "ferraris"]
 SECTIONS = tuple(f"{a}_{what}" for what in ("p", "a") for a in AXES) + tuple(f"{a}_rot" for a in AXES)
 
 
+@explains_arguments
 def calibrate_ferraris(
     imu: ImuSeries,
     sections: Mapping[str, tuple[float, float]] | None = None,
@@ -109,7 +110,6 @@ def calibrate_ferraris(
     """
     from schuler.calibration.bench.turns_in_log import ferraris_sections
 
-    need_series(imu, "calibrate_ferraris")
     if estimator not in ("weighted", "ferraris"):
         raise InputError(f"estimator: expected 'weighted' or 'ferraris', got {estimator!r}")
     if imu.kind == "increment":

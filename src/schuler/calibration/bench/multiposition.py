@@ -12,6 +12,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.calibration.bench.gauss_helmert import Start
 from schuler.calibration.bench.halves import halved
@@ -36,6 +37,7 @@ OWN_AXES = (
 )
 
 
+@explains_arguments
 def calibrate_multiposition(
     poses: Poses,
     *,

@@ -20,6 +20,7 @@ from schuler.calibration.result.rest_scatter import rest_scatter
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import FileFormatError, InputError
 from schuler.files import note_input
+from schuler.plotting.notebook import Abridged
 from schuler.recording.io.checks import norm_causes
 from schuler.recording.io.columns import ACCEL, GYRO, MAG, SKIPS, recognise, unit_in
 from schuler.recording.io.hint_texts import COUNTS, factor, parse_units
@@ -33,8 +34,8 @@ _SI = {"accel": "m/s^2", "gyro": "rad/s", "mag": COUNTS}  # where neither the fi
 _SANE = (0.7, 1.4)
 
 
-@dataclass(frozen=True, eq=False)
-class PoseTable:
+@dataclass(frozen=True, eq=False, repr=False)
+class PoseTable(Abridged):
     """Mean readings of poses, SI.
 
     Attributes

@@ -7,9 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.calibration.magnetometer.calibrate import magnetic_means
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.recording.series import ImuSeries
 from schuler.standstill.stationarity import StaticIntervals, static_intervals
 from schuler.units import G0
@@ -17,8 +19,8 @@ from schuler.units import G0
 _ARRAYS = ("f", "omega", "sigma_f", "sigma_omega", "start", "stop")
 
 
-@dataclass(frozen=True, eq=False)
-class Poses:
+@dataclass(frozen=True, eq=False, repr=False)
+class Poses(Abridged):
     """Means of a sensor over intervals at rest.
 
     Attributes
@@ -109,6 +111,7 @@ def joined(several: Sequence[Poses]) -> Poses:
     return Poses(f, omega, sigma_f, sigma_omega, start, stop, temperature, parts=parts, magnetometer=m)
 
 
+@explains_arguments
 def poses_of(
     imu: ImuSeries,
     intervals: StaticIntervals | Sequence[tuple[float, float]] | None = None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import ArrayLike
 from schuler.calibration.bench.faces import Bias
 from schuler.calibration.bench.poses import Poses
@@ -17,6 +18,7 @@ from schuler.units import DEG, G0
 LARGEST_ANGLE = 5.0 * DEG
 
 
+@explains_arguments
 def calibrate_ratetable(
     turns: Turns,
     poses: Poses | None = None,
@@ -96,6 +98,7 @@ def calibrate_ratetable(
     )  # fmt: skip
 
 
+@explains_arguments
 def calibrate_angle_rate(
     turns: Turns,
     *,

@@ -7,6 +7,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.calibration.bench.faces import Bias, Faces, checked_latitude, fit_faces
 from schuler.calibration.bench.gyro_readings import gyro_fit
@@ -32,6 +33,7 @@ _ESTIMATED = {
 }
 
 
+@explains_arguments
 def calibrate_sixposition(
     poses: Poses,
     *,

@@ -13,6 +13,7 @@ from schuler.calibration.bench.poses import sample_mean_sigma
 from schuler.calibration.result.parameters import AXES
 from schuler.earth import WGS84, earth_rate_ned
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.recording.series import ImuSeries
 from schuler.units import DEG
 
@@ -20,8 +21,8 @@ from schuler.units import DEG
 VERTICAL = 0.9
 
 
-@dataclass(frozen=True, eq=False)
-class Turns:
+@dataclass(frozen=True, eq=False, repr=False)
+class Turns(Abridged):
     """Means of a sensor over turns.
 
     Attributes

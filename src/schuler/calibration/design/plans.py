@@ -11,6 +11,7 @@ import numpy as np
 from schuler.arrays import ArrayLike, FloatArray, as_floats, readonly
 from schuler.calibration.result.parameters import AXES
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Displayed
 from schuler.units import DEG
 
 #: Signs of up along x, y, z for the 6 faces, 12 edges and 8 corners, in this order; edges pair by pair of axes.
@@ -48,8 +49,8 @@ _NUMBERS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class Plan:
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan(Displayed):
     """Static poses to put a unit into.
 
     Attributes

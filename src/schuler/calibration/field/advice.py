@@ -11,6 +11,7 @@ import numpy as np
 from schuler import rotation
 from schuler.arrays import FloatArray
 from schuler.calibration.field.options import CoachOptions
+from schuler.plotting.notebook import Displayed
 from schuler.simulation.steps import Turn, pose_in_words
 from schuler.units import DEG
 
@@ -18,8 +19,8 @@ _HORIZONTAL = np.sin(20.0 * DEG)  # largest slope of an axis that is called hori
 _LISTED = 6  # names of parameters in a sentence
 
 
-@dataclass(frozen=True)
-class Advice:
+@dataclass(frozen=True, repr=False)
+class Advice(Displayed):
     """The next move, and what is still uncertain.
 
     Attributes

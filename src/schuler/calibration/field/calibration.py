@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import FloatArray
 from schuler.calibration.field.blocks import Blocks, rest_blocks
 from schuler.calibration.field.filter_pass import Pass, filter_pass
@@ -32,7 +33,6 @@ from schuler.calibration.result.parameters import LINEAR
 from schuler.calibration.result.result import CalibrationResult, Residuals
 from schuler.exceptions import InputError
 from schuler.plotting.notebook import Displayed
-from schuler.recording.recording import need_series
 from schuler.recording.series import ImuSeries
 from schuler.standstill.rests import field_rests, given_rests
 from schuler.standstill.stationarity import StaticIntervals
@@ -130,6 +130,7 @@ class FieldCalibration(Displayed):
         return write_history(self.history, path)
 
 
+@explains_arguments
 def calibrate_field(
     imu: ImuSeries,
     spec: ImuSpec,
@@ -215,7 +216,6 @@ def calibrate_field(
     >>> field.calibration.status
     'ok'
     """
-    need_series(imu, "calibrate_field")
     options = options or FieldOptions()
     rests = field_rests(imu) if rests is None else rests
     if not len(rests):

@@ -21,6 +21,7 @@ from schuler.filtering.error_model import ecef_from_ned_states, sensor_matrices
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState, mechanize
+from schuler.plotting.notebook import Abridged
 from schuler.recording.series import ImuSeries, Increments
 from schuler.simulation.steps import Rest, Step, Turn
 from schuler.standstill.stationarity import StaticIntervals
@@ -35,8 +36,8 @@ _STEP_S, _BLOCK_S, _PROPAGATE_S = 0.25, 2.5, 1.0
 _TURN_STEP_S = 0.1  # of the turns of a log [s]
 
 
-@dataclass(frozen=True)
-class CovarianceState:
+@dataclass(frozen=True, repr=False)
+class CovarianceState(Abridged):
     """Attitude and covariance of the calibration filter at some time.
 
     Attributes
@@ -77,8 +78,8 @@ class CovarianceState:
         return _share(self.P, self.prior_sigma)
 
 
-@dataclass(frozen=True)
-class PredictedCovariance:
+@dataclass(frozen=True, repr=False)
+class PredictedCovariance(Abridged):
     """Covariance after a sequence of steps.
 
     Attributes

@@ -8,6 +8,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import ArrayLike
 from schuler.calibration.freepose.bias import bias_difference
 from schuler.calibration.freepose.lost_rates import lost_rates
@@ -26,7 +27,6 @@ from schuler.calibration.result.halves import checked, halves_of, tried, without
 from schuler.calibration.result.parameters import BIAS_G, MATRIX_G, SENSITIVITY
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError
-from schuler.recording.recording import need_series
 from schuler.recording.series import ImuSeries
 from schuler.units import G0
 
@@ -34,6 +34,7 @@ Bias: TypeAlias = Literal["rest", "estimate"]
 Search: TypeAlias = Literal["auto", "tedaldi"]
 
 
+@explains_arguments
 def calibrate_freepose(
     imu: ImuSeries,
     *,
@@ -125,7 +126,6 @@ def calibrate_freepose(
     Tedaldi, Pretto, Menegatti (2014), A robust and easy to implement method for IMU calibration without external
     equipments, ICRA. Departures: noise weights, robust weights, covariance, analytic derivatives, any start.
     """
-    need_series(imu, "calibrate_freepose")
     check_options(
         gravity=gravity,
         gyro_bias=gyro_bias,

@@ -14,10 +14,12 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import FloatArray
 from schuler.calibration.freepose.calibrate import calibrate_freepose, check_options
 from schuler.calibration.result.result import CalibrationResult, Status
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Displayed
 from schuler.recording.series import ImuSeries
 
 #: Work that is worth one more process, which takes a second to start. [s]
@@ -28,8 +30,8 @@ _TIMED = 8  # logs that say how long one takes
 _CHUNK = 4  # logs that are sent together: sending costs a hundredth of calibrating
 
 
-@dataclass(frozen=True, eq=False)
-class FleetTable:
+@dataclass(frozen=True, eq=False, repr=False)
+class FleetTable(Displayed):
     """Calibrations of many units, one a row.
 
     Attributes
@@ -103,6 +105,7 @@ class FleetTable:
         return "\n".join(lines)
 
 
+@explains_arguments
 def calibrate_fleet(
     logs: Sequence[ImuSeries],
     *,

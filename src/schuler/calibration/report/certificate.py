@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.calibration.result.application import description
 from schuler.calibration.result.halves import halves_words
 from schuler.calibration.result.parameters import GAUGES
@@ -53,6 +54,7 @@ _SENSORS = {"a": "Accelerometers", "g": "Gyroscopes", "m": "Magnetometer", "r": 
 _INK, _BLUE, _LETTERS = PAGE_LIGHT["muted"], STYLES["filtered"].light, PAGE_LIGHT["ink"]
 
 
+@explains_arguments
 def calibration_certificate(result: CalibrationResult, path: Path | str) -> Path:
     """Write the certificate of a calibration.
 
@@ -72,6 +74,14 @@ def calibration_certificate(result: CalibrationResult, path: Path | str) -> Path
     ------
     InputError
         If the calibration was refused, or has no serial number: a certificate is of one unit.
+
+    Examples
+    --------
+    >>> from schuler.calibration import Session, result_from, with_session
+    >>> result = result_from("sixposition", {"b_a_x": (0.098, 0.001), "b_g_x": (1e-3, 1e-5)}, "full")
+    >>> session = Session(serial="SN-0417", operator="A. Meyer", place="Lab 2", date="2025-03-03", gravity=9.807)
+    >>> schuler.calibration_certificate(with_session(result, session), "certificate.html").name
+    'certificate.html'
     """
     session = session_of(result)
     if result.status == "refused":

@@ -11,13 +11,15 @@ from typing import Any
 import numpy as np
 
 from schuler import earth
+from schuler.arguments import explains_arguments
 from schuler.arrays import FloatArray
 from schuler.calibration.result.parameters import AXES
 from schuler.calibration.result.result import CalibrationResult
 from schuler.calibration.result.result_file import result_text
 from schuler.calibration.result.session import session_of
 from schuler.exceptions import InputError
-from schuler.recording.recording import Recording, need_recording
+from schuler.plotting.notebook import Displayed
+from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 from schuler.units import DEG_PER_HR, G0, MG
 
@@ -31,8 +33,8 @@ TEMPERATURE_MARGIN = 10.0
 _NORM = (0.5, 2.0)  # median specific force that any log of a vehicle or a bench has, in g
 
 
-@dataclass(frozen=True, eq=False)
-class AppliedCalibration:
+@dataclass(frozen=True, eq=False, repr=False)
+class AppliedCalibration(Displayed):
     """A log before and after a calibration was applied to it.
 
     Attributes
@@ -140,6 +142,7 @@ class RestComparison:
         }  # fmt: skip
 
 
+@explains_arguments
 def apply_calibration(
     calibration: CalibrationResult,
     recording: Recording,
@@ -173,8 +176,17 @@ def apply_calibration(
         If the calibration is of another unit, the log is more than :data:`TEMPERATURE_MARGIN` outside of the
         temperatures it was calibrated at, not in its units, or corrected already; ``allow`` passes over it, except for
         a calibration over temperature, which says nothing outside of its range.
+
+    Examples
+    --------
+    >>> from schuler.calibration import result_from
+    >>> calibration = result_from("sixposition", {"b_g_x": (1e-3, 1e-5)}, "full")
+    >>> at_rest = np.broadcast_to([0.0, 0.0, 9.81], (3000, 3))
+    >>> log = schuler.Recording(schuler.ImuSeries(np.arange(3000) / 100.0, np.full((3000, 3), 1e-3), at_rest))
+    >>> applied = schuler.apply_calibration(calibration, log, gravity=9.81)
+    >>> print(applied.recording.imu.gyro[0])
+    [0.    0.001 0.001]
     """
-    need_recording(recording, "apply_calibration")
     if unknown := sorted(set(allow) - set(ALLOWANCES)):
         raise InputError(f"allow: expected any of {', '.join(ALLOWANCES)}, got {', '.join(unknown)}")
     imu = recording.need_imu()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import FloatArray, as_floats, readonly
 from schuler.calibration.result.parameters import (
     BIAS_M,
@@ -23,8 +24,7 @@ from schuler.calibration.result.parameters import (
     vector,
 )  # fmt: skip
 from schuler.exceptions import InputError
-from schuler.plotting.notebook import Displayed
-from schuler.recording.recording import need_series
+from schuler.plotting.notebook import Abridged, Displayed
 from schuler.recording.series import ImuSeries
 from schuler.sensors.errors import ImuErrors
 
@@ -39,8 +39,8 @@ Status: TypeAlias = Literal["ok", "warning", "refused"]
 _ZEROS = {"lower": ("M_a_xy", "M_a_xz", "M_a_yz"), "upper": ("M_a_yx", "M_a_zx", "M_a_zy")}
 
 
-@dataclass(frozen=True, eq=False)
-class Residuals:
+@dataclass(frozen=True, eq=False, repr=False)
+class Residuals(Abridged):
     """What is left per pose or turn after the fit.
 
     Attributes
@@ -195,6 +195,7 @@ class CalibrationResult(Displayed):
         """The errors as the simulator and the filter take them."""
         return imu_errors(self.parameters, 25.0 if self.temperature is None else self.temperature)
 
+    @explains_arguments
     def apply(self, imu: ImuSeries) -> ImuSeries:
         """A log with the errors taken out.
 
@@ -215,7 +216,6 @@ class CalibrationResult(Displayed):
         InputError
             If I + M cannot be inverted, or a temperature is outside of the range of a thermal calibration.
         """
-        need_series(imu, "apply")
         if "thermal" in self.extra and imu.temperature is not None:
             from schuler.calibration.thermal.correction import compensate_thermal
 
@@ -236,9 +236,9 @@ class CalibrationResult(Displayed):
         factor = float(self.extra.get("magnetometer", {}).get("nominal", 1.0))
         return np.asarray(np.linalg.solve(A, (factor * imu.magnetometer - [p[n] for n in BIAS_M]).T).T)
 
+    @explains_arguments
     def inverse(self, imu: ImuSeries) -> ImuSeries:
         """What the sensor would have read: the errors put back, without noise; the inverse of :meth:`apply`."""
-        need_series(imu, "inverse")
         h = imu.interval if imu.kind == "increment" else 1.0
         e = self.errors
         gyro = imu.gyro @ (np.eye(3) + e.M_g).T + imu.accel @ e.G_g.T + h * e.b_g

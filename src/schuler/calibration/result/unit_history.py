@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import FloatArray
 from schuler.calibration.result.comparison import with_nominal
 from schuler.calibration.result.parameters import LINEAR, unit
@@ -19,6 +20,7 @@ from schuler.calibration.result.result_file import read_result
 from schuler.calibration.result.session import session_of
 from schuler.calibration.result.sheet import rounded, sheet
 from schuler.exceptions import InputError, SchulerError
+from schuler.plotting.notebook import Displayed
 
 #: Probability that any parameter of a unit that did not change is called changed.
 LEVEL = 0.05
@@ -66,8 +68,8 @@ class ParameterHistory:
         return np.asarray(np.diff(self.value) / np.hypot(self.sigma[1:], self.sigma[:-1]))
 
 
-@dataclass(frozen=True, eq=False)
-class UnitHistory:
+@dataclass(frozen=True, eq=False, repr=False)
+class UnitHistory(Displayed):
     """Calibrations of one unit, oldest first.
 
     Attributes
@@ -166,6 +168,7 @@ class UnitHistory:
         return history_report(self, path)
 
 
+@explains_arguments
 def calibration_history(folder: Path | str, *, serial: str = "") -> UnitHistory:
     """Calibrations of a unit among the files of a folder and its folders.
 
@@ -184,6 +187,15 @@ def calibration_history(folder: Path | str, *, serial: str = "") -> UnitHistory:
     ------
     InputError
         If there are fewer than two calibrations with a date, or those of several units and no serial number.
+
+    Examples
+    --------
+    >>> from schuler.calibration import Session, result_from, with_session, write_result
+    >>> for day, bias in (("2025-03-03", 1.0e-3), ("2025-09-01", 1.2e-3)):
+    ...     result = result_from("sixposition", {"b_g_x": (bias, 1e-5)}, "full")
+    ...     _ = write_result(with_session(result, Session(serial="SN-0417", date=day)), f"unit-{day}.yaml")
+    >>> schuler.calibration_history(".", serial="SN-0417").changed
+    ('b_g_x',)
     """
     folder = Path(folder)
     if not folder.is_dir():

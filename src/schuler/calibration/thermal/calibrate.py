@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import ArrayLike, as_vector3
 from schuler.calibration.bench.poses import Poses
 from schuler.calibration.result.result import CalibrationResult
@@ -24,6 +25,7 @@ from schuler.units import G0
 __all__ = ["calibrate_thermal", "compensate_thermal", "thermal_correction", "thermal_value"]
 
 
+@explains_arguments
 def calibrate_thermal(
     imu: ImuSeries | Poses | Sequence[Poses],
     *,

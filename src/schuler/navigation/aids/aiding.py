@@ -19,13 +19,14 @@ from schuler.navigation.aids.vehicle import VehicleConditions, non_holonomic, od
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.sections import AidingSection, NonHolonomicSection
 from schuler.navigation.states import state_layout
+from schuler.plotting.notebook import Abridged
 from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, ScalarSeries
 from schuler.sensors.spec import ImuSpec
 from schuler.standstill.stationarity import StaticIntervals
 
 
-@dataclass(frozen=True)
-class Sources:
+@dataclass(frozen=True, repr=False)
+class Sources(Abridged):
     """Series that aids are made from: IMU in vehicle axes, prepared fixes and ranges, other series of the recording."""
 
     imu: ImuSeries

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.exceptions import InputError
 from schuler.navigation.config import NavigationConfig, OutageSection
 from schuler.navigation.evaluation.errors import TrajectoryErrors, evaluate
@@ -130,6 +131,7 @@ class Comparison(TabularResult):
         return plot_comparison(self, outages)
 
 
+@explains_arguments
 def compare_architectures(
     recording: Recording,
     config: NavigationConfig | dict[str, Any] | Path | str,

@@ -11,6 +11,7 @@ from schuler import frames, rotation
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import REJECTED
+from schuler.plotting.notebook import Abridged
 from schuler.recording.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -217,8 +218,8 @@ def nearest(t: FloatArray, among: FloatArray) -> tuple[IntArray, FloatArray]:
     return k.astype(np.int64), np.abs(among[k] - t)
 
 
-@dataclass(frozen=True)
-class Separation:
+@dataclass(frozen=True, repr=False)
+class Separation(Abridged):
     """Filtered minus smoothed at the records.
 
     Attributes

@@ -13,14 +13,15 @@ from schuler import frames, units
 from schuler.arrays import ArrayLike, FloatArray
 from schuler.exceptions import InputError
 from schuler.navigation.evaluation.consistency import attitude_difference, nees
+from schuler.plotting.notebook import Abridged
 from schuler.recording.trajectory import KEPT, Trajectory
 
 if TYPE_CHECKING:
     from schuler.navigation.result import NavigationResult
 
 
-@dataclass(frozen=True)
-class TrajectoryErrors:
+@dataclass(frozen=True, repr=False)
+class TrajectoryErrors(Abridged):
     """Estimate minus reference over time.
 
     Attributes

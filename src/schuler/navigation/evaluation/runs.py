@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import BoolArray, FloatArray
 from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.navigation.evaluation.errors import TrajectoryErrors, trajectory_errors
+from schuler.plotting.notebook import Displayed
 from schuler.plotting.table import ResultTable, TabularResult
 from schuler.recording.io.own import time_from
 from schuler.recording.trajectory import Trajectory
@@ -60,8 +62,8 @@ class Run:
     file: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class RunComparison(TabularResult):
+@dataclass(frozen=True, eq=False, repr=False)
+class RunComparison(TabularResult, Displayed):
     """Runs against a reference, over the time that all of them cover.
 
     Attributes
@@ -214,6 +216,7 @@ def _foreign_run(path: Path, name: str, hints: Mapping[str, Any]) -> Run:
     raise InputError(f"{path}: expected a run (positions over time), got a log without any; navigate it first")
 
 
+@explains_arguments
 def compare_runs(
     runs: Sequence[Run | Path | str],
     reference: Run | Path | str | None = None,

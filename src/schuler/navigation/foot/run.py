@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from schuler import earth, frames, units
+from schuler.arguments import explains_arguments
 from schuler.arrays import ArrayLike, BoolArray, FloatArray
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, Progress, run
@@ -33,6 +34,7 @@ _UNTOLD = 0.9  # of the variance of gyro biases that rests leave: 0.87 at most w
 _FEW_STRIDES = 6
 
 
+@explains_arguments
 def navigate_foot(
     source: Recording | ImuSeries,
     config: FootConfig | dict[str, Any] | Path | str | None = None,

@@ -49,13 +49,14 @@ from schuler.navigation.start.sensor_errors import (
     upper_gauge_errors,
 )
 from schuler.navigation.states import imu_spec, sensor_layout
+from schuler.plotting.notebook import Abridged
 from schuler.recording.series import ImuSeries
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.spec import ImuSpec
 
 
-@dataclass(frozen=True)
-class CalibrationStart:
+@dataclass(frozen=True, repr=False)
+class CalibrationStart(Abridged):
     """Sensor states and correction of the log that follow from a calibration.
 
     Attributes

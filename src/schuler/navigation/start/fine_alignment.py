@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import ArrayLike, as_vector3
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, run
@@ -17,6 +18,7 @@ from schuler.recording.series import Increments
 from schuler.sensors.spec import ImuSpec
 
 
+@explains_arguments
 def fine_alignment(
     increments: Increments,
     llh: ArrayLike,

@@ -30,6 +30,7 @@ from schuler.navigation.tuning.search import LEAST_GAIN, Fit, block_scatter, fit
 from schuler.navigation.tuning.slow import range_factor
 from schuler.navigation.tuning.slow_search import ASKED, SHOWS, likeliest_slow_error, slow_lead
 from schuler.navigation.tuning.start import with_smoothed_start
+from schuler.plotting.notebook import Displayed
 
 _LONGEST = 900.0  # of the log that is used [s]
 # Epochs in each half: of fixes, and of ranges, whose errors stay on a satellite for a minute and look like less noise.
@@ -61,8 +62,8 @@ TERM_TEXT = {
 }
 
 
-@dataclass(frozen=True)
-class Tuning:
+@dataclass(frozen=True, repr=False)
+class Tuning(Displayed):
     """Noise that makes the fixes of a recording likeliest.
 
     Attributes

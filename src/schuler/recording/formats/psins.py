@@ -27,6 +27,7 @@ from schuler.exceptions import FileFormatError
 from schuler.gnss.ephemerides import Ephemerides, KeplerRecords, no_glonass
 from schuler.gnss.observations import Observations
 from schuler.gnss.signals import SPEED_OF_LIGHT, frequency_hz
+from schuler.plotting.notebook import Abridged
 from schuler.recording.formats import matlab
 from schuler.recording.formats.matlab import variables
 from schuler.recording.io import checks, parts
@@ -233,8 +234,8 @@ def _counts(path: Path, lines: list[tuple[int, str]]) -> FloatArray:
     return np.array([_row(path, *line) for line in lines])
 
 
-@dataclass(frozen=True)
-class RangeLog:
+@dataclass(frozen=True, repr=False)
+class RangeLog(Abridged):
     """Increments, measurements and ephemerides of one run on one time axis.
 
     Attributes

@@ -12,6 +12,7 @@ from schuler import frames, units
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, as_vector3
 from schuler.exceptions import FileFormatError
 from schuler.files import sha256
+from schuler.plotting.notebook import Abridged
 from schuler.recording.formats import matlab
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.series import ImuSeries
@@ -27,8 +28,8 @@ AUTHOR_SIGMA_ACCEL, AUTHOR_SIGMA_GYRO, AUTHOR_GRAVITY = 0.00098, 8.7266463e-5, 9
 PLACE_DEG = (43.782, -79.466, 150.0)
 
 
-@dataclass(frozen=True)
-class PyShoeTrial:
+@dataclass(frozen=True, repr=False)
+class PyShoeTrial(Abridged):
     """One trial.
 
     Attributes

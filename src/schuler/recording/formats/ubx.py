@@ -21,6 +21,7 @@ from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, MissingExtraError
 from schuler.gnss.ephemerides import Ephemerides, no_glonass, no_kepler
 from schuler.gnss.observations import Observations
+from schuler.plotting.notebook import Abridged
 from schuler.recording.formats import ubx_messages
 from schuler.recording.io.assemble import metadata_of
 from schuler.recording.io.hints import ReadHints
@@ -38,8 +39,8 @@ _LATEST = 1 << 24  # bytes in which a log has its first frame, or it is none
 _NMEA = re.compile(rb"[$!][ -~]{5,250}\r\n")
 
 
-@dataclass(frozen=True)
-class UbxLog:
+@dataclass(frozen=True, repr=False)
+class UbxLog(Abridged):
     """Contents of a u-blox log on one time axis.
 
     Attributes

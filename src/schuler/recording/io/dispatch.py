@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.exceptions import FileFormatError, InputError, ReaderError, SchulerError
 from schuler.recording.io import columns, lines, packed
 from schuler.recording.io.gnss_table import reference_from_gnss, with_truth_fixes
@@ -43,6 +44,7 @@ _MAGIC = {
 }
 
 
+@explains_arguments
 def read(path: Path | str, hints: ReadHints | None = None, **more: Any) -> Recording:
     """Read a log of any known format into a recording: SI, forward-right-down, ellipsoidal heights, named time base.
 
@@ -176,6 +178,7 @@ def _limited(path: Path) -> Iterator[None]:
         signal.signal(signal.SIGVTALRM, signal.SIG_DFL)
 
 
+@explains_arguments
 def write(recording: Recording, path: Path | str, *, format: str | None = None, **options: Any) -> list[Path]:
     """Write a recording in the format its suffix names.
 

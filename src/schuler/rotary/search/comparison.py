@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import BoolArray, FloatArray
 from schuler.budget.covariance import QUANTITIES, quantity_sigma
 from schuler.filtering.measurements import in_windows
+from schuler.plotting.notebook import Displayed
 from schuler.plotting.table import Cell, ResultTable
 from schuler.rotary.free_navigation import ErrorHistory
 from schuler.rotary.modulated_errors import Modulation, modulation
@@ -52,8 +54,8 @@ class Way:
     accel: Modulation
 
 
-@dataclass(frozen=True, eq=False)
-class ScenarioComparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class ScenarioComparison(Displayed):
     """A rotating IMU and a conventional one.
 
     Attributes
@@ -146,6 +148,7 @@ class ScenarioComparison:
         }  # fmt: skip
 
 
+@explains_arguments
 def compare_rotary(
     scenario: RotaryScenario | dict[str, Any] | Path | str,
     *,

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from schuler.arguments import explains_arguments
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.rotary.platform_usage import usage, within
@@ -53,6 +54,7 @@ class SearchSettings:
             raise InputError("a search has 1 or 2 axes, 50 evaluations or more, and a thread")
 
 
+@explains_arguments
 def search_schemes(
     objective: SchemeObjective,
     space: SchemeSpace,

@@ -14,6 +14,7 @@ from schuler.budget.scenario import BudgetMission
 from schuler.budget.sources import FIELDS, filter_layout
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import in_windows
+from schuler.plotting.notebook import Abridged
 from schuler.rotary.schedule import Schedule
 from schuler.rotary.search.turning import TurningMission, turning_mission
 from schuler.sensors.spec import ImuSpec
@@ -24,8 +25,8 @@ Statistic: TypeAlias = Literal["rms", "end", "largest"]
 OBSERVABILITY = "observability"
 
 
-@dataclass(frozen=True, eq=False)
-class SchemeObjective:
+@dataclass(frozen=True, eq=False, repr=False)
+class SchemeObjective(Abridged):
     """What is to be made small.
 
     Attributes

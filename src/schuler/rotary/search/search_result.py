@@ -9,6 +9,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, IntArray
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Displayed
 from schuler.plotting.table import Cell, ResultTable
 from schuler.rotary.schedule import Schedule
 from schuler.rotary.search.families import Entries, schedule_of
@@ -67,8 +68,8 @@ class Candidate:
         return "\n".join(["[rotary.schedule]", *toml_lines(self.entries)])
 
 
-@dataclass(frozen=True)
-class SchemeSearch:
+@dataclass(frozen=True, repr=False)
+class SchemeSearch(Displayed):
     """Result of a search.
 
     Attributes

@@ -10,6 +10,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_floats, readonly
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Abridged
 from schuler.sensors.noise._checks import Shape, array, positive, shape_of
 from schuler.sensors.noise.process import Process
 from schuler.sensors.noise.state_space import SampledStateSpace, StateSpace
@@ -20,8 +21,8 @@ _STEP = 1.5  # ratio of the ends of a piece at most: 1/f^2 is a polynomial there
 _TURN = 2.0 / np.pi  # half width of a piece times averaging time to which the nodes see all turns
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Coloured(Process):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Coloured(Process, Abridged):
     """Stationary Gaussian noise of a tabulated density: what a sensor's filter and vibration make of white noise.
 
     Attributes

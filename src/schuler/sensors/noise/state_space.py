@@ -13,11 +13,12 @@ from math import pi
 import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_floats, readonly
+from schuler.plotting.notebook import Abridged
 from schuler.sensors.noise._checks import Shape, count, frequencies, magnitude, positive, shape_of, times
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class StateSpace:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class StateSpace(Abridged):
     """Noise in continuous time, ``s' = F s + w`` and ``x = H s + v``.
 
     Attributes
@@ -128,8 +129,8 @@ class StateSpace:
         return cls(F, Q, H, P0, sum(p.white for p in parts), sum(p.rounding for p in parts))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SampledStateSpace:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class SampledStateSpace(Abridged):
     """Noise at its samples, ``s[k+1] = Phi s[k] + u[k]`` and ``x[k] = H s[k] + v[k]``.
 
     Attributes

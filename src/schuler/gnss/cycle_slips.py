@@ -1,4 +1,4 @@
-"""Cycle slips that a receiver does not state: by codes, range rates and the other satellites of an epoch."""
+"""Cycle slips that a receiver does not state: by codes, range rates, other satellites and a second band."""
 
 from __future__ import annotations
 
@@ -38,7 +38,8 @@ def without_slips(ranges: Ranges, r_e: FloatArray, sigma: float, notes: list[str
     where the receiver set its clock: all arcs end. A change that differs from that by both range rates, the median of
     the satellites taken off, by more than 0.3 cycles and five sigma is a slip. What is left must fit one displacement
     and one clock (Baarda's data snooping, with five satellites and more); where five cannot tell which one jumped, all
-    arcs end. With fewer, what remains is the inertial prediction in the filter.
+    arcs end. With fewer, two bands tell where their carriers part, whichever slipped (two that slip alike do not part);
+    what remains is the inertial prediction in the filter.
     """
     c = carrier_changes(ranges, sigma)
     if not len(c.now):
@@ -52,6 +53,8 @@ def without_slips(ranges: Ranges, r_e: FloatArray, sigma: float, notes: list[str
     code = c.change - (ranges.pseudorange[c.now] - ranges.pseudorange[c.before])
     rate = c.change - 0.5 * dt * (ranges.range_rate[c.now] + ranges.range_rate[c.before])
     doubt = np.hypot(0.5 * dt * np.hypot(ranges.sigma_rate[c.now], ranges.sigma_rate[c.before]), _JERK * dt**3 / 12.0)
+    apart = np.abs(ranges.bands_apart[c.now] - ranges.bands_apart[c.before])
+    parted = apart > np.maximum(_SIGMAS * np.sqrt(2.0) * c.sigma, _SMALLEST_SLIP * _CYCLE)
     bounds = np.flatnonzero(np.diff(ranges.t[c.now]) > 0.0) + 1
     for i, j in zip(np.concatenate(([0], bounds)), np.concatenate((bounds, [len(c.now)])), strict=True):
         part = np.arange(i, j)
@@ -66,10 +69,12 @@ def without_slips(ranges: Ranges, r_e: FloatArray, sigma: float, notes: list[str
             A = np.column_stack((gradient[left], np.ones(len(left))))
             jumped = outlying_phases(A, moved[left], c.sigma[left], np.full(len(left), _CYCLE))
             slipped[left] = True if jumped is None else jumped
+        else:  # where satellites are many the others tell, and do not end an arc for a slip of the other band
+            slipped[left] = parted[left]
     if slipped.any():
         notes.append(
-            f"{int(slipped.sum())} of {len(c.now)} changes of carrier phases are cycle slips by the other satellites "
-            "or their range rates"
+            f"{int(slipped.sum())} of {len(c.now)} changes of carrier phases are cycle slips by the other "
+            "satellites, their range rates or a second band"
         )
     if reset.any():
         count = len(np.unique(ranges.t[c.now[reset]]))

@@ -29,7 +29,7 @@ from schuler.gnss.satellites import (
     states_of_messages,
     transmission_times,
 )
-from schuler.gnss.signal_choice import ChosenSignals, choose_signals
+from schuler.gnss.signal_choice import ChosenSignals, bands_apart, choose_signals
 from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS
 from schuler.gnss.sun_and_moon import solid_tide
 from schuler.gnss.troposphere import Mapping as TroposphereMapping
@@ -132,7 +132,9 @@ def prepare_ranges(
     biases, bias_notes = _biases(c, observations.signals, ephemerides, epoch_gps_s)
     combined, noise_factor, unknown = _without_delays(c, states, biases, free=free)
     corrected = combined + SPEED_OF_LIGHT * states.clock
-    phase = _carrier_ranges(c, {**channels, **observations.glonass_channels}) + SPEED_OF_LIGHT * states.clock
+    channels |= observations.glonass_channels
+    metres = _carrier_ranges(c, channels)
+    phase = metres + SPEED_OF_LIGHT * states.clock
     usable = selected & states.has_message & states.healthy & sent.plausible
     place = receiver_place(
         c.t, corrected, states.r_e, usable, position_e=position_e, header_position_e=observations.position_e
@@ -178,6 +180,7 @@ def prepare_ranges(
         clock.rate, sigma_range, sigma_rate, place.elevation, place.azimuth, c.cn0, reason, notes, phase,
         begin_arcs(c.sat, phase, c.signal, c.lock),
         np.where(np.isfinite(phase), SPEED_OF_LIGHT / c.frequency_hz[:, 0], np.nan),
+        bands_apart(observations, c, metres, channels),
     )  # fmt: skip
 
 

@@ -80,6 +80,9 @@ class Ranges(Abridged):
         Carrier phases of a satellite with equal numbers share their constant: no cycle slip lies between.
     wavelength : ndarray, shape (n,)
         Of the carrier. NaN where it is not known, and where the constant is no whole number of cycles. [m]
+    bands_apart : ndarray, shape (n,)
+        Carrier phase as a range less that of another band: free of geometry and clocks, it changes with the ionosphere
+        alone. NaN where there is none, or where the other band's lock is in doubt. [m]
     """
 
     t: FloatArray
@@ -100,6 +103,7 @@ class Ranges(Abridged):
     carrier_range: FloatArray = field(default_factory=lambda: np.zeros(0))
     arc: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     wavelength: FloatArray = field(default_factory=lambda: np.zeros(0))
+    bands_apart: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         n = len(self.t)
@@ -109,6 +113,8 @@ class Ranges(Abridged):
             object.__setattr__(self, "arc", np.zeros(n, dtype=np.int64))
         if n and not len(self.wavelength):
             object.__setattr__(self, "wavelength", np.full(n, np.nan))
+        if n and not len(self.bands_apart):
+            object.__setattr__(self, "bands_apart", np.full(n, np.nan))
         for f in fields(self):
             if f.name in ("groups", "notes"):
                 continue

@@ -165,6 +165,49 @@ def choose_signals(
     )
 
 
+def bands_apart(
+    observations: Observations, chosen: ChosenSignals, carrier: FloatArray, glonass_channels: Mapping[int, int]
+) -> FloatArray:
+    """Carriers less those of another band, the one that each satellite has most of. Shape (n,). [m]
+
+    Parameters
+    ----------
+    observations : Observations
+    chosen : ChosenSignals
+        Of these observations.
+    carrier : ndarray, shape (n,)
+        Of the chosen signals. [m]
+    glonass_channels : mapping of int to int
+        FDMA channels by satellite.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        NaN where there is no other, or its receiver states that lock was lost or half a cycle is in doubt.
+    """
+    o, out = observations, np.full(len(chosen.t), np.nan)
+    if not len(out) or not len(o):
+        return out
+    epochs = np.unique(o.t)
+    key, own = (np.searchsorted(epochs, x.t) * 100_000 + x.sat for x in (o, chosen))
+    order = np.argsort(own, kind="stable")
+    row = order[np.minimum(np.searchsorted(own[order], key), len(own) - 1)]
+    band = np.array([int(name[0]) for name in o.signals])[o.signal]
+    good = (own[row] == key) & np.isfinite(o.carrier) & (o.lock == 0) & (band != chosen.bands[row, 0])
+    good &= np.isfinite(carrier[row])  # of systems asked for, whose bands are those they have
+    sats, place = np.unique(o.sat, return_inverse=True)
+    count = np.bincount(place * len(o.signals) + o.signal, good, len(sats) * len(o.signals))
+    good &= o.signal == count.reshape(len(sats), -1).argmax(axis=1)[place]
+    frequency = {
+        (int(s), int(b)): frequency_hz(int(s), str(b), glonass_channels.get(int(s), 0))
+        for s, b in np.unique(np.stack((o.sat[good], band[good]), axis=1), axis=0)
+    }
+    k = np.flatnonzero(good)
+    f = np.array([frequency[pair] for pair in zip(o.sat[k].tolist(), band[k].tolist(), strict=True)])
+    out[row[k]] = carrier[row[k]] - SPEED_OF_LIGHT * o.carrier[k] / f
+    return out
+
+
 def second_band(ranges: Ranges, receivers: tuple[Observations, ...], systems: str) -> dict[str, tuple[str, ...]]:
     """Signals by system on a band beside that of the ranges, on which all receivers have carriers.
 

@@ -23,7 +23,7 @@ Columns = dict[str, np.ndarray[Any, np.dtype[Any]]]
 #: Columns of whole numbers.
 INTEGERS = frozenset({"sat", "signal", "group", "reason", "arc", "lock", "health", "issue", "source", "channel"})
 #: Columns that files of earlier versions do not have.
-LATER = frozenset({"lock", "carrier_range", "arc", "wavelength", "a_dot", "delta_n_dot"})
+LATER = frozenset({"lock", "carrier_range", "arc", "wavelength", "bands_apart", "a_dot", "delta_n_dot"})
 _AXES = ("x", "y", "z")
 _WIDTH = MappingProxyType({"group_delay": 2, "r_e": 3, "v_e": 3, "a_e": 3, "r_sat_e": 3, "v_sat_e": 3})
 _PLACES = ("position_e", "station_e", "eccentricity_n")
@@ -39,7 +39,7 @@ _UNIT_OF_FIELD = MappingProxyType(
         **dict.fromkeys(("i0", "omega0", "omega", "m0", "cuc", "cus", "cic", "cis", "elevation", "azimuth"), "rad"),
         **dict.fromkeys(("delta_n", "idot", "omega_dot"), "rad/s"),
         **dict.fromkeys(("crc", "crs", "accuracy", "r_e", "r_sat_e", "pseudorange", "sigma_range"), "m"),
-        **dict.fromkeys(("carrier_range", "wavelength"), "m"),
+        **dict.fromkeys(("carrier_range", "wavelength", "bands_apart"), "m"),
         **dict.fromkeys(("v_e", "v_sat_e", "range_rate", "sigma_rate"), "m/s"),
         "a_e": "m/s^2",
         "clock": "s",

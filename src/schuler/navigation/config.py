@@ -48,6 +48,9 @@ class ImuSection(Section):
     accel_repeatability_mg: NonNegative | None = Field(None, description="the same of the accelerometers")
     mount_rpy_deg: Triple = Field((0.0, 0.0, 0.0), description="attitude of the IMU axes in the vehicle: C_bs")
     clock_shift_s: float = Field(0.0, description="added to the IMU's time stamps")
+    clock_shift_sigma_s: NonNegative = Field(
+        0.0, description="1-sigma of it; what is left is estimated beside a lever arm that nobody stated"
+    )
     rate_order: Literal[1, 2, 3] = Field(2, description="rule that integrates rates: held, trapezoid, parabola")
     max_gap_s: Positive = Field(2.0, description="longest pause of the log that is bridged; longer ones part it")
 

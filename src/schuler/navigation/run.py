@@ -115,7 +115,7 @@ def navigate(
     notes, schedule = [*prepared.notes, *tuned], prepared.schedule
     notes += doubts
     provenance = provenance_of(recording, config, prepared.spec, prepared.calibrated)
-    if config.gnss.delay_sigma_s > asked.gnss.delay_sigma_s:
+    if config.gnss.delay_sigma_s > asked.gnss.delay_sigma_s and asked.imu.clock_shift_sigma_s == 0.0:
         delay, sigma = delay_at_end(forward, prepared)
         notes.append(delay_note(delay, sigma))
         forward.rec_est[:, prepared.layout["delay"].start - 9] += prepared.fixes_later_s

@@ -20,6 +20,7 @@ from schuler.exceptions import InputError, SchulerError
 from schuler.navigation.config import NavigationConfig
 from schuler.plotting.notebook import Displayed
 from schuler.proposal import cures, setup
+from schuler.proposal.clock import SHIFT, SIGMA, uncertainty_of_shift
 from schuler.proposal.damage import leave_out_garbled
 from schuler.proposal.decision import Decision, UndecidedError, option
 from schuler.proposal.files import SOMEWHERE, Files, files_of, hints_of
@@ -182,6 +183,12 @@ def propose(
     if trials:
         data, more = setup.tried(recording, diagnosis, data)
         decisions += more
+    shifted = any(d.entry == SHIFT and d.value is not None and d.evidence != _GIVEN for d in decisions)
+    if shifted and not setup.has(data, SIGMA):
+        uncertainty = uncertainty_of_shift(recording, diagnosis, data)
+        if uncertainty is not None:
+            data = merged(data, setup.nested({uncertainty.entry: uncertainty.value}))
+            decisions.append(uncertainty)
     data = _without(data, off)
     config = NavigationConfig.parse(data, "the proposed configuration")
     remarks = _remarks(files, diagnosis)
@@ -323,6 +330,8 @@ def _question(files: Files, diagnosis: Diagnosis) -> SchulerError | None:
             continue
         if f.code == "axes" and (f.confidence >= cures.SURE or f.severity == "note"):
             continue
+        if f.code == "time_offset" and f.confidence >= cures.SURE:
+            continue  # the run shifts the clock by it
         entry = files.entry(f.part)
         if f.code == "unreadable" or entry is None:
             if f.confidence >= cures.SURE:

@@ -13,16 +13,20 @@ from schuler.navigation.config import NavigationConfig
 from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.tuning.delay import (
     Offset,
+    delay_of,
     evidences,
     is_apart,
     is_borne_out,
+    is_not_contradicted,
     is_same,
     is_suspected,
     likeliest_offset,
     may_have_delay,
     offset_left,
     offset_near,
+    on_clock_of_fixes,
     placed,
+    shift_note,
     with_delay,
 )
 from schuler.navigation.tuning.entries import tuned_configuration
@@ -208,7 +212,32 @@ def _tuned(given: Supported, prepare: Prepare, aligned: bool) -> Supported:
             with_both = _with_noise(_beside_lever(with_arm, prepare, offset), prepare, aligned)
             return _placed_beside_lever(with_both, prepare)
         with_arm.notes.append(offset_left(offset))
+    if other.imu.clock_shift_sigma_s > 0.0 and "delay_sigma_s" not in other.gnss.model_fields_set:
+        return _beside_uncertain_shift(with_arm, prepare, aligned)
     return _with_noise(with_arm, prepare, aligned)
+
+
+def _beside_uncertain_shift(given: Supported, prepare: Prepare, aligned: bool) -> Supported:
+    """The run beside a lever arm with what its clock shift is off, at the shift where nothing of that is left.
+
+    A lever arm ahead and a shift look alike: the one is as uncertain as the other. Velocities that a receiver filtered
+    are late by themselves: what positions alone contradict is left.
+    """
+    before = given.config.imu
+    if np.any(given.run.schedule.kind == VELOCITY):
+        free = with_delay(given.config, before.clock_shift_sigma_s)
+        both = given._replace(config=free, run=prepare(free, given.run.fixes_later_s))
+        both = _placed(_with_noise(both, prepare, aligned), prepare)
+        if not is_not_contradicted(both.run):
+            return _with_noise(given, prepare, aligned)
+    else:
+        offset = likeliest_offset(partial(prepare, given.config)).beside(before.clock_shift_sigma_s)
+        both = _with_noise(_beside_lever(given, prepare, offset), prepare, aligned)
+        both = _placed_beside_lever(both, prepare)
+    delay, sigma = delay_of(both.run)
+    imu = before.model_copy(update={"clock_shift_s": before.clock_shift_s - both.run.fixes_later_s})
+    notes = [*both.notes, shift_note(before.clock_shift_s, before.clock_shift_s - delay, sigma)]
+    return Supported(both.config.model_copy(update={"imu": imu}), on_clock_of_fixes(both.run), notes)
 
 
 def _with_noise(given: Supported, prepare: Prepare, aligned: bool) -> Supported:

@@ -101,6 +101,11 @@ class Offset(NamedTuple):
         """Whether it is far from zero."""
         return abs(self.later_s) > _LIKELY * self.sigma_s
 
+    def beside(self, sigma_s: float) -> Offset:
+        """With the statement that there is none, of so much 1-sigma. [s]"""
+        share = sigma_s**2 / (sigma_s**2 + self.sigma_s**2)
+        return Offset(share * self.later_s, share**0.5 * self.sigma_s)
+
 
 def likeliest_offset(prepare: Callable[[float], PreparedRun]) -> Offset:
     """Time offset of fixes at which they are likeliest, searched from several places.
@@ -160,13 +165,20 @@ def _vertex(x: FloatArray, y: FloatArray) -> tuple[float, float]:
 
 def _on_stamps(run: PreparedRun) -> PreparedRun:
     """The run on the clock of its fixes, with these alone."""
+    run = on_clock_of_fixes(run)
+    return replace(run, schedule=run.schedule.where(np.isin(run.schedule.kind, TUNING_KINDS)))
+
+
+def on_clock_of_fixes(run: PreparedRun) -> PreparedRun:
+    """The run with its IMU earlier by the time by which its fixes are taken later than their stamps."""
     later, nav = run.fixes_later_s, run.initial.nav
-    fixes = run.schedule.where(np.isin(run.schedule.kind, TUNING_KINDS))
     return replace(
         run,
+        imu=run.imu.shifted(-later),
         increments=run.increments.shifted(-later),
-        schedule=replace(fixes, t=fixes.t - later),
+        schedule=replace(run.schedule, t=run.schedule.t - later),
         initial=replace(run.initial, nav=replace(nav, t=nav.t - later)),
+        fixes_later_s=0.0,
     )
 
 
@@ -201,11 +213,11 @@ def is_apart(run: PreparedRun) -> bool:
 
 def _square(run: PreparedRun) -> float:
     """Square of the time offset that a run estimates, over its variance."""
-    delay, sigma = _delay_of(run)
+    delay, sigma = delay_of(run)
     return (delay / sigma) ** 2
 
 
-def _delay_of(run: PreparedRun) -> tuple[float, float]:
+def delay_of(run: PreparedRun) -> tuple[float, float]:
     """Time offset at the end of a run that keeps nothing to smooth over, and its 1-sigma. [s]"""
     options = replace(run.options, smoother=False)
     return delay_at_end(replace(run, options=options).run(), run)
@@ -213,7 +225,7 @@ def _delay_of(run: PreparedRun) -> tuple[float, float]:
 
 def is_same(run: PreparedRun, other: PreparedRun) -> bool:
     """Whether a run ends with the time offset by which the fixes of another one were moved."""
-    return abs(_delay_of(other)[0] - run.fixes_later_s) < _SAME_S
+    return abs(delay_of(other)[0] - run.fixes_later_s) < _SAME_S
 
 
 def is_borne_out(run: PreparedRun) -> bool:
@@ -221,13 +233,25 @@ def is_borne_out(run: PreparedRun) -> bool:
 
     Velocities that a receiver filtered are late by themselves, and would take positions with them.
     """
-    velocities = run.schedule.kind == VELOCITY
-    if not velocities.any():
+    if not np.any(run.schedule.kind == VELOCITY):
         return True
-    alone = replace(run, schedule=run.schedule.where(~velocities))
-    (delay, _), (other, sigma) = (_delay_of(model) for model in (run, alone))
-    favoured = (other**2 - (other - delay) ** 2) / (2.0 * sigma**2)
-    return bool(favoured > _BORNE_OUT and abs(other - delay) < max(4.0 * sigma, 0.25 * abs(delay)))
+    delay, other, sigma = _beside_positions(run)
+    return bool((other**2 - (other - delay) ** 2) / (2.0 * sigma**2) > _BORNE_OUT and _agree(delay, other, sigma))
+
+
+def is_not_contradicted(run: PreparedRun) -> bool:
+    """Whether positions alone tell no other time offset than the one that a run estimates."""
+    return not np.any(run.schedule.kind == VELOCITY) or _agree(*_beside_positions(run))
+
+
+def _beside_positions(run: PreparedRun) -> tuple[float, float, float]:
+    """Time offset that a run estimates, the one by its positions alone, and the 1-sigma of that. [s]"""
+    alone = replace(run, schedule=run.schedule.where(run.schedule.kind != VELOCITY))
+    return delay_of(run)[0], *delay_of(alone)
+
+
+def _agree(delay: float, other: float, sigma: float) -> bool:
+    return bool(abs(other - delay) < max(4.0 * sigma, 0.25 * abs(delay)))
 
 
 def placed(
@@ -251,7 +275,7 @@ def placed(
     """
     for _ in range(_ROUNDS):
         noisy = with_smoothed_start(with_factors(run, factors or {}))
-        delay, _ = _delay_of(noisy)
+        delay, _ = delay_of(noisy)
         later = float(np.clip(delay, -_MOST_S, _MOST_S))
         if abs(later - run.fixes_later_s) < _LEFT_S:
             break
@@ -273,6 +297,14 @@ def delay_note(delay: float, sigma: float) -> str:
         f"{DELAY_ESTIMATED} are {abs(delay):.3f} +- {sigma:.3f} s {side} against the IMU's, which nobody stated: the "
         f"offset is estimated, and the solution has the IMU's times; imu.clock_shift_s = {-delay:.3f} states it and "
         "gives those of GNSS"
+    )
+
+
+def shift_note(before: float, shift: float, sigma: float) -> str:
+    """Note on a clock shift that was uncertain, and is estimated beside a lever arm. [s]"""
+    return (
+        f"the IMU's stamps are shifted by {shift:+.3f} +- {sigma:.3f} s (stated: {before:+.3f} s, "
+        "imu.clock_shift_sigma_s): estimated beside the lever arm, which looks like a shift at constant speed"
     )
 
 

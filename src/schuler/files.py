@@ -298,14 +298,20 @@ def _refuse_devices(target: Path) -> None:
 
 
 def _refuse_existing(target: Path, run: _Outputs) -> None:
+    if target.is_dir():
+        raise OverwriteError(f"{target}: expected the name of a file to write, it is a folder: give another name")
     if not target.is_file():
         return
-    if _identity(target) in run.inputs:
-        raise OverwriteError(
-            f"{target} was read by this command and is not written over: give another name to write to"
-        )
+    check_not_read(target, run)
     if not run.force and not _is_own(absolute(target)):
         raise OverwriteError(f"{target} exists and is kept: give another name, or --force to replace it")
+
+
+def check_not_read(path: Path, run: _Outputs | None = None) -> None:
+    """Raise OverwriteError if the command that runs has read this file, whatever is to be done to it."""
+    run = _outputs if run is None else run
+    if run is not None and path.is_file() and _identity(path) in run.inputs:
+        raise OverwriteError(f"{path} was read by this command and is not written over: give another name to write to")
 
 
 def _identity(path: Path) -> tuple[int, int]:

@@ -11,6 +11,7 @@ from command import answer, refusal, run
 from places import EXAMPLES
 
 from schuler.calibration.freepose.simulation import hand_log
+from schuler.live.sinks import _BEGINNINGS
 from schuler.recording.io import write as write_recording
 from schuler.recording.recording import Recording
 from schuler.sensors.errors import ImuErrors
@@ -59,6 +60,27 @@ def test_a_companion_that_exists_is_kept_and_nothing_else_is_written(tmp_path, c
     written = answer(capsys, "convert", tmp_path / "in" / "town.parquet", tmp_path / "t2.csv", "--json", "--force")
     assert str(mine) in written["files"]["written"]
     assert mine.read_text() != "my notes"
+
+
+def test_a_folder_in_place_of_a_file_is_refused_before_anything_is_written(tmp_path, capsys, town):
+    (tmp_path / "town_gnss.csv").mkdir()
+    for more in ((), ("--force",)):
+        message = refusal(capsys, "simulate", town, "--out", tmp_path / "town.csv", "--json", *more)
+        assert f"{tmp_path / 'town_gnss.csv'}: expected the name of a file to write, it is a folder" in message
+        assert [p.name for p in tmp_path.iterdir()] == ["town_gnss.csv"]
+
+
+def test_live_appends_to_lines_of_its_own_and_never_to_what_it_read(tmp_path, capsys, town, monkeypatch):
+    answer(capsys, "simulate", town, "--out", tmp_path / "town.parquet", "--json")
+    config = tmp_path / "drive.toml"
+    config.write_text('[imu]\ncatalogue = "MTi-G-710"\n')
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    call = ("live", f"replay:{tmp_path / 'town.parquet'}?speed=0", "--config", config, "--headless")
+    for path in before:
+        assert "expected a new file, or lines of an earlier run" in refusal(capsys, *call, "--out", f"json:{path}")
+    monkeypatch.setitem(_BEGINNINGS, "json", "PAR1")  # as if the log were such lines
+    assert "was read by this command" in refusal(capsys, *call, "--out", f"json:{tmp_path / 'town.parquet'}")
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 @pytest.mark.campaign

@@ -189,6 +189,12 @@ def test_what_comes_wrong_is_said_and_changes_nothing(recording, batch):
             live.fix(np.nan, waiting[0].llh, waiting[0].cov_r_n)
             live.fix(imu.t[i], waiting[0].llh, -waiting[0].cov_r_n)
             live.fix(imu.t[i], np.degrees(waiting[0].llh), waiting[0].cov_r_n)
+            live.fix(imu.t[i], waiting[0].llh + np.array((0.0, 0.0, 1e9)), waiting[0].cov_r_n)
+            live.fix(imu.t[i], waiting[0].llh, 1e18 * waiting[0].cov_r_n)
+            live.fix(imu.t[i], waiting[0].llh, waiting[0].cov_r_n, (1e300, 0.0, 0.0), waiting[0].cov_v_n)
+            live.fix(-1e300, waiting[0].llh, waiting[0].cov_r_n)
+            live.speed(imu.t[i], 1e30)
+            live.height(imu.t[i], 1e30, 1.0)
         while waiting and waiting[0].t <= imu.t[part][-1]:
             live.take(waiting.pop(0))
     plain = live_run(recording)
@@ -202,10 +208,43 @@ def test_what_comes_wrong_is_said_and_changes_nothing(recording, batch):
         "no sensor reads",
         "another zero",
         "has no time",
+        "the height is 1e+09 m",
+        "1-sigma of position is 1e+09 m",
+        "velocity is 1e+300 m/s",
+        "its time is -1e+300 s",
+        "a speed is left out: expected a number up to 1000",
+        "a height is left out: expected a number up to 1e+08",
     ):
         assert sentence in message
     assert "positive variances" in message
     assert "beyond +-90 deg" in message
+
+
+def halved(imu):
+    """Increments at twice the rate."""
+    t = np.repeat(imu.t, 2)
+    t[::2] -= 0.5 * imu.interval
+    return t, np.repeat(0.5 * imu.gyro, 2, axis=0), np.repeat(0.5 * imu.accel, 2, axis=0)
+
+
+@pytest.mark.parametrize(
+    ("rate", "at", "mount_deg"),
+    [(0.7, 300, (0.0, 0.0, 0.0)), (0.499, 3200, (45.0, 30.0, 45.0))],
+    ids=["before the start, where the sample interval is not known", "in the run, large about an axis of the vehicle"],
+)
+def test_a_reading_of_no_sensor_holds_up_no_run(recording, rate, at, mount_deg):
+    """It kept a run from starting for ten minutes, or ended it in an error."""
+    t, gyro, accel = halved(recording.imu)
+    gyro[at] = rate
+    config = {**cases.CONFIG, "imu": {**cases.CONFIG["imu"], "mount_rpy_deg": list(mount_deg)}}
+    live, waiting = live_run(recording, config), cases.fixes(recording)
+    for i in range(0, 3600, 20):
+        live.imu_many(t[i : i + 20], gyro[i : i + 20], accel[i : i + 20])
+        while waiting and waiting[0].t <= t[i + 19]:
+            live.take(waiting.pop(0))
+    assert live.initial is not None
+    assert any("is no motion" in text for text in texts(live, "imu"))
+    assert live.solution() is not None
 
 
 @pytest.mark.parametrize(

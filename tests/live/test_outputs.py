@@ -9,9 +9,11 @@ import pytest
 
 from schuler import read
 from schuler.exceptions import InputError
+from schuler.live.clock import SourceClock
 from schuler.live.messages import Event, Solution
 from schuler.live.outlets import open_outlet
 from schuler.live.sentences import json_of, nmea_of, sentence
+from schuler.live.sinks import open_line_sink
 from schuler.timebase import TimeBase
 
 WEEK = TimeBase("gps", 2300 * 604_800.0)
@@ -77,6 +79,20 @@ def test_a_file_is_appended_to(tmp_path):
     assert (tmp_path / "folder" / "live.jsonl").read_text() == "one\ntwo\n"
     with pytest.raises(InputError, match="it is a folder"):
         open_outlet(str(tmp_path))
+
+
+@pytest.mark.parametrize("format", ["json", "nmea"])
+def test_a_file_of_something_else_is_not_appended_to(tmp_path, format):
+    lines, notes = tmp_path / "lines", tmp_path / "notes.json"
+    for k in (1, 2):
+        sink = open_line_sink(f"{format}:{lines}", SourceClock())
+        sink.solution(solution())
+        sink.close()
+        assert len(lines.read_text().split("health" if format == "json" else "$PSCH")) == k + 1
+    notes.write_text('{"mine": 1}\n')
+    with pytest.raises(InputError, match=r"lines of an earlier run .* it is kept as it is"):
+        open_line_sink(f"{format}:{notes}", SourceClock())
+    assert notes.read_text() == '{"mine": 1}\n'
 
 
 def test_udp_with_and_without_a_listener():

@@ -100,6 +100,20 @@ def test_a_reading_that_stands_alone_is_no_motion(tmp_path, field, value, unit, 
     assert len(read(path, allow="magnitude").imu) == 60
 
 
+@pytest.mark.parametrize("row", [0, 1, 2, -3, -2, -1])
+@pytest.mark.parametrize(("field", "value"), [("accel", 1000.0), ("gyro", 57.3)])
+def test_a_reading_that_stands_alone_at_an_end_of_the_log_is_no_motion(tmp_path, row, field, value):
+    imu = calm()
+    reading = getattr(imu, field).copy()
+    reading[row, 2] = value
+    path = write(Recording(imu=replace(imu, **{field: reading})), tmp_path / "run.parquet")[0]
+    with pytest.raises(FileFormatError, match=rf"row {row % 60 + 1} of imu .* is {value:g} "):
+        read(path)
+    reading[row + 1 if row != -1 else -2] = 0.6 * value  # a blow of two samples
+    path = write(Recording(imu=replace(imu, **{field: reading})), tmp_path / "blow.parquet")[0]
+    assert len(read(path).imu) == 60
+
+
 def crash(accel, rows, after=(0.0, 0.0, 0.0)):
     out = np.array(accel)
     for k, value in enumerate(rows):

@@ -16,6 +16,7 @@ from schuler.cli.configuration import entries
 from schuler.cli.live_output import open_outlets, status_line, stride_sender
 from schuler.cli.output import File, Flag, Folder, Texts, print_json, say
 from schuler.exceptions import InputError
+from schuler.files import check_not_read
 
 if TYPE_CHECKING:
     from schuler.live.clock import SourceClock
@@ -62,10 +63,10 @@ def live(
         solution smoothed by stride goes beside the newest one into lines of json, and into smoothed.parquet of the
         record.
     out
-        Where solutions go: FORMAT:PLACE with json or nmea and - (stdout), a file that is appended to,
-        udp://HOST:PORT, or tcp://HOST:PORT or ws://HOST:PORT for clients to connect to; with all input, too:
-        mcap:FILE, or foxglove:ws://HOST:PORT for Foxglove to connect to; mavlink:udp://HOST:PORT for autopilots. May
-        be given several times.
+        Where solutions go: FORMAT:PLACE with json or nmea and - (stdout), a file (new or of such lines; it is
+        appended to), udp://HOST:PORT, or tcp://HOST:PORT or ws://HOST:PORT for clients to connect to; with all input,
+        too: mcap:FILE, or foxglove:ws://HOST:PORT for Foxglove to connect to; mavlink:udp://HOST:PORT for autopilots.
+        May be given several times.
     record
         Folder for solution.parquet (then solution-2.parquet, ...) and the bytes of each source as they came.
     output_rate
@@ -117,6 +118,8 @@ def live(
             addresses, loaded.recording, clock, replayed=lambda log: _read(log, config), kept_in=outlets.keeper(held),
             raw=isinstance(loaded, NavigationConfig) and loaded.gnss.coupling == "tight",
         )  # fmt: skip
+        for text in out:
+            check_not_read(Path(text.partition(":")[2]))
         stop = held.enter_context(_stopped_by_signals())
         status = held.enter_context(status_line(not headless))
         outlets.sinks.append(status)

@@ -12,7 +12,15 @@ from schuler.exceptions import ConfigError, InputError
 from schuler.live.aids import series_of
 from schuler.live.messages import Fix, Heading, Height, Measurement, SatelliteEpoch, Speed
 from schuler.navigation.config import NavigationConfig
+from schuler.recording.io.possible import HEIGHTS, MAX_SIGMA, MAX_SIGMA_ANGLE, MAX_TIME, MAX_WHEEL_SPEED, check_fixes
 from schuler.recording.series import GnssSeries
+
+#: Value and 1-sigma of a reading
+_LARGEST = {
+    Speed: (MAX_WHEEL_SPEED, MAX_SIGMA),
+    Heading: (MAX_SIGMA_ANGLE, MAX_SIGMA_ANGLE),
+    Height: (HEIGHTS[1], MAX_SIGMA),
+}
 
 
 def check_live(config: NavigationConfig) -> None:
@@ -68,17 +76,22 @@ def checked(message: Fix | Speed | Heading | Height) -> GnssSeries | None:
     Raises
     ------
     InputError
-        If the message is none.
+        If the message is none, or no vehicle and no sensor has its numbers: the limits are those of logs.
     """
     if not math.isfinite(message.t):
         raise InputError("it has no time")
+    if not abs(message.t) <= MAX_TIME:
+        raise InputError(f"its time is {message.t:.6g} s, expected up to {MAX_TIME:.4g}: no clock counts more")
     if isinstance(message, Fix):
-        return series_of([message])
+        series = series_of([message])
+        check_fixes(series)
+        return series
     value = message.speed if isinstance(message, Speed) else message.value
-    if not math.isfinite(value):
-        raise InputError(f"expected a number, got {value}")
-    if message.sigma is not None and not 0.0 < message.sigma < math.inf:
-        raise InputError(f"expected a positive 1-sigma, got {message.sigma}")
+    largest, largest_sigma = _LARGEST[type(message)]
+    if not abs(value) <= largest:
+        raise InputError(f"expected a number up to {largest:.4g}, got {value:.6g}")
+    if message.sigma is not None and not 0.0 < message.sigma <= largest_sigma:
+        raise InputError(f"expected a positive 1-sigma up to {largest_sigma:.4g}, got {message.sigma:.6g}")
     return None
 
 
@@ -93,6 +106,7 @@ def checked_together(messages: Sequence[Measurement]) -> GnssSeries | None:
         return None
     try:
         series = series_of(fixes)
+        check_fixes(series)
     except (InputError, ValueError):
         return None
     return None if np.any(np.all(series.llh[1:] == series.llh[:-1], axis=1)) else series

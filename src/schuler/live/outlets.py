@@ -32,7 +32,7 @@ class Outlet(Protocol):
         ...
 
 
-def open_outlet(place: str) -> Outlet:
+def open_outlet(place: str, beginning: str = "") -> Outlet:
     """Open a place for lines.
 
     Parameters
@@ -40,18 +40,20 @@ def open_outlet(place: str) -> Outlet:
     place : str
         ``-``, ``udp://HOST:PORT``, ``tcp://HOST:PORT`` or ``ws://HOST:PORT`` (this machine's own address, loopback if
         left out, to which clients connect), or the name of a file, to which lines are appended.
+    beginning : str
+        What a file that is not empty begins with, if it is one of such lines.
 
     Raises
     ------
     InputError
-        If the address is wrong or taken, or the file is a folder.
+        If the address is wrong or taken, or the file is a folder or of something else.
     MissingExtraError
         For a WebSocket without websockets (extra ``live``).
     """
     if place == "-":
         return _StandardOutput()
     if not place.startswith(("udp:", "tcp:", "ws:")):
-        return _File(Path(place))
+        return _File(Path(place), beginning)
     address = parse_address(place, _SCHEMES, tuple(_SCHEMES))
     if address.scheme == "udp":
         return _Datagrams(address.host, address.port)
@@ -79,9 +81,17 @@ class _StandardOutput:
 class _File:
     """Appended to line by line: what was written stays there whatever happens."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, beginning: str) -> None:
         if path.is_dir():
             raise InputError(f"{path}: expected the name of a file, it is a folder: give a file in it")
+        if path.is_file():
+            with path.open("rb") as file:
+                head = file.read(len(beginning)).decode(errors="replace")
+            if head and head != beginning:
+                raise InputError(
+                    f"{path}: expected a new file, or lines of an earlier run that begin with {beginning}, got "
+                    f"{head!r}: it is kept as it is, give another name"
+                )
         path.parent.mkdir(parents=True, exist_ok=True)
         self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
 

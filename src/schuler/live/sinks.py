@@ -23,6 +23,7 @@ from schuler.recording.io.own import time_document
 from schuler.timebase import TimeBase
 
 FORMATS = ("json", "nmea")
+_BEGINNINGS = {"json": '{"t_s": ', "nmea": "$IN"}  # of the first line
 _ROWS = 2000  # solutions that are written together
 
 
@@ -63,7 +64,7 @@ def open_line_sink(text: str, clock: SourceClock, geoid_separation: float = 0.0)
     Raises
     ------
     InputError
-        If it is not of that form, or the place cannot be opened.
+        If it is not of that form, or the place cannot be opened or holds something else.
     """
     format, colon, place = text.partition(":")
     if not colon or not place or format not in FORMATS:
@@ -72,7 +73,7 @@ def open_line_sink(text: str, clock: SourceClock, geoid_separation: float = 0.0)
             "tcp://HOST:PORT or ws://HOST:PORT, such as nmea:udp://:10110; or mcap:FILE, "
             "foxglove:ws://HOST:PORT, mavlink:udp://HOST:PORT"
         )
-    return LineSink(format, open_outlet(place), clock, geoid_separation)
+    return LineSink(format, open_outlet(place, _BEGINNINGS[format]), clock, geoid_separation)
 
 
 class SolutionTable:

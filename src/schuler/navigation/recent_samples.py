@@ -50,7 +50,9 @@ class RecentSamples:
         self.largest = np.zeros(3)  # rate, specific force; how many of the last samples were spikes
         self.count = np.zeros(1, dtype=np.int64)
 
-    def checked(self, t: float, dt: float, dtheta: FloatArray, dv: FloatArray, bridge: bool) -> tuple[Sample, str]:
+    def checked(
+        self, t: float, dt: float, dtheta: FloatArray, dv: FloatArray, bridge: bool, refuse: bool = True
+    ) -> tuple[Sample, str]:
         """A sample with lost ones before it bridged and a spike taken out, and a sentence on that or nothing.
 
         Parameters
@@ -60,6 +62,8 @@ class RecentSamples:
         dtheta, dv : ndarray, shape (3,)
         bridge : bool
             False takes increments for those of all the interval, however long.
+        refuse : bool
+            Refuse what no sensor can have read; a stream goes on without it, as without a spike.
 
         Raises
         ------
@@ -68,14 +72,15 @@ class RecentSamples:
         """
         length = max(dt, self.interval_s)  # stamps that jitter make no rates
         rate, force = _size(dtheta) / length, _size(dv) / length
-        if rate > MAX_RATE or force > MAX_FORCE:
+        beyond = rate > MAX_RATE or force > MAX_FORCE
+        if beyond and refuse:
             raise InputError(
                 f"the sample at {t:.6f} s has {rate:.3g} rad/s and {force:.3g} m/s^2, beyond any sensor "
                 f"({MAX_RATE:g} rad/s, {MAX_FORCE:.0f} m/s^2): leave it out, the next one bridges it. If all are so, "
                 "expected are increments in rad and m/s over the sample's interval"
             )
         sample, sentence = Sample(t, dt, dtheta, dv), ""
-        if bridge and dt > MISSING * self.interval_s and self.count[0]:
+        if bridge and not beyond and dt > MISSING * self.interval_s and self.count[0]:
             sample, sentence = self._bridged(sample)
         elif bridge:
             sample, sentence = self._without_spike(sample, rate, force)
@@ -87,7 +92,7 @@ class RecentSamples:
     def checked_block(
         self, t: FloatArray, dt: FloatArray, dtheta: FloatArray, dv: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, list[str]]:
-        """Consecutive samples, as :meth:`checked` would have them one by one with ``bridge``.
+        """Consecutive samples, as :meth:`checked` would have them one by one with ``bridge``, refusing none.
 
         Parameters
         ----------
@@ -108,7 +113,7 @@ class RecentSamples:
         if not usual:
             dtheta, dv, sentences = dtheta.copy(), dv.copy(), []
             for i in range(n):
-                sample, sentence = self.checked(float(t[i]), float(dt[i]), dtheta[i], dv[i], True)
+                sample, sentence = self.checked(float(t[i]), float(dt[i]), dtheta[i], dv[i], True, refuse=False)
                 dtheta[i], dv[i], unknown[i] = sample.dtheta, sample.dv, (sample.gyro, sample.accel)
                 sentences += [sentence] if sentence else []
             return dtheta, dv, unknown, sentences
@@ -166,8 +171,8 @@ class RecentSamples:
         """A sample with the rate before it, or none, in place of a reading that is no motion, and its uncertainty."""
         keep = self.keep
         spikes = [
-            self.largest[2] < IN_A_ROW and x > SPIKE[i] and x > _TIMES * self.largest[i]
-            for i, x in enumerate((rate, force))
+            x > limit or (self.largest[2] < IN_A_ROW and x > SPIKE[i] and x > _TIMES * self.largest[i])
+            for i, (x, limit) in enumerate(((rate, MAX_RATE), (force, MAX_FORCE)))
         ]
         self.largest[2] = self.largest[2] + 1.0 if any(spikes) else 0.0
         if not any(spikes):

@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray
-from schuler.exceptions import FileFormatError
+from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.io.checks import MAX_FORCE, MAX_RATE, largest, norms
 from schuler.recording.io.hint_texts import COUNTS_NOTE
 from schuler.recording.recording import TIMED, Recording
-from schuler.recording.series import ImuSeries
+from schuler.recording.series import GnssSeries, ImuSeries
 from schuler.units import G0
 
 MAX_TIME = 1e11  # seconds since year 0 are 6.4e10; no clock counts more [s]
@@ -137,8 +137,8 @@ def _lone_readings(recording: Recording) -> Iterator[tuple[int, str]]:
 
     A crash of 100 g is not over within one sample: it rings, and the vehicle's rate and force are others after it. A
     reading is taken to be damaged if it alone is far beyond all others of the log, the three before and the three after
-    it are below a fiftieth of it and agree with each other, and the jump of velocity or angle that it claims is more
-    than any shock that is shorter than a sample gives a body.
+    it (as many as the log has there) are below a fiftieth of it and agree with each other, and the jump of velocity or
+    angle that it claims is more than any shock that is shorter than a sample gives a body.
     """
     imu = recording.imu
     if imu is None or len(imu) <= 2 * _BESIDE or any(COUNTS_NOTE in note for note in recording.metadata.notes):
@@ -150,9 +150,11 @@ def _lone_readings(recording: Recording) -> Iterator[tuple[int, str]]:
             continue
         size = np.abs(values).max(axis=1)
         high = np.flatnonzero(size > 0.5 * _LONE[i])
-        if 2 * len(high) > len(size) or high[0] < _BESIDE or high[-1] >= len(size) - _BESIDE:
+        if 2 * len(high) > len(size):
             continue
-        beside = values[high[:, None] + [*range(-_BESIDE, 0), *range(1, _BESIDE + 1)]]
+        rows = high[:, None] + [*range(-_BESIDE, 0), *range(1, _BESIDE + 1)]
+        # at an end of the log, those of the other side: what is missing there speaks for nothing
+        beside = values[np.where((rows < 0) | (rows >= len(size)), 2 * high[:, None] - rows, rows)]
         before, after = beside[:, :_BESIDE].mean(axis=1), beside[:, _BESIDE:].mean(axis=1)
         alone = (
             (size[high] > _LONE[i])
@@ -189,14 +191,7 @@ def _quantities(recording: Recording) -> Iterator[_Quantity]:
         if imu.temperature is not None:
             yield _Quantity("imu", "the temperature", imu.temperature, TEMPERATURES, "degC")
     if (gnss := recording.gnss) is not None:
-        yield _Quantity("gnss", "the height", gnss.llh[:, 2], HEIGHTS, "m")
-        yield _Quantity("gnss", "the longitude", gnss.llh[:, 1], (-_TURN, _TURN), "rad")
-        yield _Quantity("gnss", "1-sigma of position", _sigmas(gnss.cov_r_n), (0.0, MAX_SIGMA), "m")
-        if gnss.v_n is not None and gnss.cov_v_n is not None:
-            yield _Quantity("gnss", "velocity", gnss.v_n, (-MAX_SPEED, MAX_SPEED), "m/s")
-            yield _Quantity("gnss", "1-sigma of velocity", _sigmas(gnss.cov_v_n), (0.0, MAX_SIGMA), "m/s")
-        if gnss.received is not None:
-            yield _Quantity("gnss", "time of reception", gnss.received, (-MAX_TIME, MAX_TIME), "s")
+        yield from _quantities_of_fixes(gnss)
     if (odometer := recording.odometer) is not None:
         yield _Quantity("odometer", "speed", odometer.speed, (-MAX_WHEEL_SPEED, MAX_WHEEL_SPEED), "m/s")
         yield _Quantity("odometer", "1-sigma of speed", odometer.sigma, (0.0, MAX_SIGMA), "m/s")
@@ -232,6 +227,26 @@ def _quantities(recording: Recording) -> Iterator[_Quantity]:
         yield _Quantity("reference", "distance from the Earth's centre", radius, RADII, "m")
         if reference.v_eb_e is not None:
             yield _Quantity("reference", "velocity", reference.v_eb_e, (-MAX_SPEED, MAX_SPEED), "m/s")
+
+
+def _quantities_of_fixes(gnss: GnssSeries) -> Iterator[_Quantity]:
+    yield _Quantity("gnss", "the height", gnss.llh[:, 2], HEIGHTS, "m")
+    yield _Quantity("gnss", "the longitude", gnss.llh[:, 1], (-_TURN, _TURN), "rad")
+    yield _Quantity("gnss", "1-sigma of position", _sigmas(gnss.cov_r_n), (0.0, MAX_SIGMA), "m")
+    if gnss.v_n is not None and gnss.cov_v_n is not None:
+        yield _Quantity("gnss", "velocity", gnss.v_n, (-MAX_SPEED, MAX_SPEED), "m/s")
+        yield _Quantity("gnss", "1-sigma of velocity", _sigmas(gnss.cov_v_n), (0.0, MAX_SIGMA), "m/s")
+    if gnss.received is not None:
+        yield _Quantity("gnss", "time of reception", gnss.received, (-MAX_TIME, MAX_TIME), "s")
+
+
+def check_fixes(gnss: GnssSeries) -> None:
+    """Raise InputError at the first number of fixes, as they come live, that no vehicle and no receiver has."""
+    for q in _quantities_of_fixes(gnss):
+        low, high = q.limits
+        wrong = q.values[~((q.values >= low) & (q.values <= high))]
+        if wrong.size:
+            raise InputError(f"{q.name} is {wrong.flat[0]:.6g} {q.unit}, expected {low:.4g} to {high:.4g}")
 
 
 def _mean_rates(imu: ImuSeries, y: FloatArray) -> FloatArray:

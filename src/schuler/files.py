@@ -213,6 +213,14 @@ def check_writable(path: Path) -> None:
         pass
 
 
+def check_log(path: Path) -> None:
+    """Raise InputError if a path is neither a file nor a folder: a pipe can be read once only and may never end."""
+    if path.is_fifo():
+        raise InputError(f"{path}: expected a file or folder, it is a pipe: write what comes out of it to a file first")
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
+
+
 def absolute(path: Path) -> Path:
     """Path from the root, without ``..``; symbolic links stay."""
     return Path(os.path.abspath(path))

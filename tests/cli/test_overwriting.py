@@ -1,5 +1,6 @@
 """Commands keep the files that exist: others unless forced, inputs always, results may be renewed."""
 
+import os
 import re
 import subprocess
 import sys
@@ -110,6 +111,23 @@ def test_full_devices_are_one_sentence(log, town, tmp_path):
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "town_reference.csv: cannot be written: File too large; nothing was changed" in done.stderr
     assert sorted(p.name for p in tmp_path.iterdir()) == ["my.txt"]
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="devices and streams of Linux")
+@pytest.mark.parametrize(
+    ("ends", "code"), [("explain ARW >&-", 0), ("explain nothing 2>&-", 2), ("explain nothing 2>/dev/full", 2)]
+)
+def test_streams_that_are_closed_or_full_change_no_exit_code(ends, code):
+    call = ["bash", "-c", f'"$0" -m schuler {ends}', sys.executable]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (code, "", "")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with names")
+@pytest.mark.parametrize("command", ["info", "check", "navigate"])
+def test_a_pipe_is_refused_at_once(tmp_path, capsys, command):
+    os.mkfifo(tmp_path / "pipe.csv")
+    assert "expected a file or folder, it is a pipe" in refusal(capsys, command, tmp_path / "pipe.csv")
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="a folder that nobody can write to")

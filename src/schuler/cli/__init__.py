@@ -12,11 +12,21 @@ from collections.abc import Sequence
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the return value is the exit code."""
+    _open_closed_streams()
     try:
         return _run(list(sys.argv[1:] if arguments is None else arguments))
     except KeyboardInterrupt:  # also while modules are loaded
         print("schuler: interrupted", file=sys.stderr)
         return 1
+
+
+def _open_closed_streams() -> None:
+    """Let what is printed to a stream that was closed (``>&-``) go nowhere, and no file of ours take its number."""
+    import os
+
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w"))  # noqa: SIM115 - for as long as the process lives
 
 
 def _run(given: Sequence[str]) -> int:

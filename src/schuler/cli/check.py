@@ -9,6 +9,7 @@ from schuler.cli.output import File, Flag, say
 from schuler.cli.proposal import recognised_files
 from schuler.cli.reading import LogHints, foot_log, recording_section
 from schuler.exceptions import InputError
+from schuler.files import check_log
 from schuler.recording.part import cut
 
 if TYPE_CHECKING:
@@ -51,8 +52,7 @@ def check(
     from schuler.recording.formats import registry
 
     given, parts = hints.given, recording_section(hints.config)
-    if not log.exists():
-        raise InputError(f"{log}: no such file or folder")
+    check_log(log)
     if log.is_dir():
         if imu is not None or gnss is not None:
             of_gnss = {n: given.pop(n) for n in ("height", "geoid_separation", "sigma", "origin") if n in given}

@@ -11,6 +11,7 @@ from schuler.cli.convert import described
 from schuler.cli.output import Flag, print_json
 from schuler.cli.reading import LogHints
 from schuler.exceptions import InputError, SchulerError
+from schuler.files import check_log
 from schuler.recording.io.streams import Stream, table
 
 _HINTS = LogHints()
@@ -91,8 +92,7 @@ def streams_in(log: Path, name: str | None = None) -> list[Stream] | None:
     from schuler.recording.formats import registry
     from schuler.recording.io import lines
 
-    if not log.exists():
-        raise InputError(f"{log}: no such file or folder")
+    check_log(log)
     if name is not None:
         module = registry.module(name)
     else:

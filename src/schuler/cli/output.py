@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import partial
 from pathlib import Path
@@ -89,7 +89,8 @@ def say(text: str, kind: str = "") -> None:
 
 def complain(text: str) -> None:
     """What ends a command, to stderr, its first word in red on a terminal."""
-    print(f"{coloured('schuler:', 'error', sys.stderr)} {text}", file=sys.stderr)
+    with suppress(OSError):  # on a full disk the exit code is left to say it
+        print(f"{coloured('schuler:', 'error', sys.stderr)} {text}", file=sys.stderr)
 
 
 def coloured(text: str, kind: str, stream: TextIO) -> str:

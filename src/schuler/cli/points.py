@@ -15,6 +15,7 @@ from schuler.cli.baseline import ephemerides_of
 from schuler.cli.output import Flag, Folder, print_json, print_verdict, progress, say, writable
 from schuler.cli.reading import Part
 from schuler.exceptions import FileFormatError, InputError
+from schuler.files import check_log
 from schuler.gnss.atmosphere import Ionosphere, Troposphere
 from schuler.recording.recording import Metadata, Recording
 
@@ -164,8 +165,7 @@ def _log(log: Path, nav: tuple[Path, ...], time: str | None) -> Recording:
     from schuler.recording.io.hints import ReadHints
     from schuler.recording.io.satellite_files import channels_of
 
-    if not log.exists():
-        raise InputError(f"{log}: no such file or folder")
+    check_log(log)
     hints = {} if time is None else {"time": time}
     if log.is_dir() and registry.find_folder(log) is None:
         observations, messages, note = _files(log)

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from schuler.cli.output import Dashed, Flag, say
 from schuler.exceptions import InputError
-from schuler.files import read_toml
+from schuler.files import check_log, read_toml
 from schuler.recording.part import cut
 from schuler.recording.recording import Recording
 
@@ -230,8 +230,7 @@ def read_log(log: Path, config: Path | None, **hints: Any) -> Recording:
 
     given = {name: value for name, value in hints.items() if value is not None}
     parts = recording_section(config)
-    if not log.exists():
-        raise InputError(f"{log}: no such file or folder")
+    check_log(log)
     if (walk := foot_log(log, given)) is not None:
         return walk
     if log.is_dir():

@@ -14,7 +14,8 @@ from schuler.diagnosis.repair import repaired
 from schuler.diagnosis.result import Diagnosis, Finding, joined
 from schuler.diagnosis.run import diagnose
 from schuler.diagnosis.unrelated_clocks import relate_clocks, unknown_clock
-from schuler.exceptions import InputError, SchulerError
+from schuler.exceptions import SchulerError
+from schuler.files import check_log
 from schuler.recording.io import dispatch, folder, packed
 from schuler.recording.io.hint_texts import SERIES
 from schuler.recording.io.hints import ReadHints
@@ -97,8 +98,7 @@ def read_leniently(
         ``refused``, ``duplicates``, ``backward_times``, ``missing``, ``position_unit``, ``position_order``,
         ``unreadable``.
     """
-    if not path.exists():
-        raise InputError(f"{path}: no such file or folder")
+    check_log(path)
     try:
         return dispatch.read(path, hints, **more), None, []
     except SchulerError as error:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from schuler.exceptions import InputError
+from schuler.files import check_log
 from schuler.proposal import arrays, tables
 from schuler.proposal.decision import Decision, UndecidedError
 from schuler.proposal.hints import (
@@ -149,8 +150,7 @@ def files_of(paths: Sequence[Path], given: Mapping[str, Any], *, complete: bool 
         If there is no such file, or nothing in it that could be navigated.
     """
     for path in paths:
-        if not path.exists():
-            raise InputError(f"{path}: no such file or folder")
+        check_log(path)
     several = paths[0].is_file() and "columns" not in given and "format" not in given and packed.tables(paths[0])
     if len(paths) == 1 and not several and (paths[0].is_file() or registry.find_folder(paths[0]) is not None):
         return _one(paths[0], given)

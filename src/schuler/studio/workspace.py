@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from schuler.exceptions import InputError, SchulerError
-from schuler.files import LISTED, read_toml, write_text
+from schuler.files import LISTED, check_log, read_toml, write_text
 
 #: Hidden folder for jobs of worker processes; not named as temporaries are, which the next command removes.
 JOBS = ".schuler_studio"
@@ -70,8 +70,7 @@ def workspace_of(paths: tuple[Path, ...]) -> tuple[Workspace, str | None]:
         If one of them is missing, or files lie in several folders.
     """
     for path in paths:
-        if not path.exists():
-            raise InputError(f"{path}: no such file or folder")
+        check_log(path)
     places = {path.resolve() if path.is_dir() else path.resolve().parent for path in paths} or {Path.cwd().resolve()}
     if len(places) > 1:
         raise InputError(f"studio: expected one folder, or files of one, got {', '.join(sorted(map(str, places)))}")

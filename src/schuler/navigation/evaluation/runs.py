@@ -12,6 +12,7 @@ import numpy as np
 from schuler.arguments import explains_arguments
 from schuler.arrays import BoolArray, FloatArray
 from schuler.exceptions import FileFormatError, InputError, SchulerError
+from schuler.files import check_log
 from schuler.navigation.evaluation.errors import TrajectoryErrors, trajectory_errors
 from schuler.plotting.notebook import Displayed
 from schuler.plotting.table import ResultTable, TabularResult
@@ -169,8 +170,7 @@ def read_run(path: Path | str, **hints: Any) -> Run:
         If the file holds no trajectory.
     """
     path = Path(path)
-    if not path.exists():
-        raise InputError(f"{path}: no such file or folder")
+    check_log(path)
     name = path.stem if path.is_file() else path.resolve().name
     solutions = [path / n for n in ("smoothed.parquet", "solution.parquet") if (path / n).is_file()]
     if solutions:

@@ -308,3 +308,10 @@ def test_a_quadrature_that_begins_beside_a_jump_begins_at_it(off):
     first = moving.schedule.breakpoints(0.0, 150.0)[0]
     limits, _ = _steps(moving, np.array([first + off, first + 1.0]), 0.7)
     assert np.diff(limits).min() > 1e-3
+
+
+def test_how_the_imu_sits_on_the_platform_changes_no_effective_rate():
+    """The innermost axis is the platform's, whatever axes the IMU reads it in; rounding."""
+    schedule = schemes.continuous(du_axis("Z"), W).mounted(rotation.dcm_from_rpy([0.4, -0.7, 1.1]))
+    motion = RotatingMotion(turning_vehicle(LLH, 0.3 * W, 72.0), schedule)
+    np.testing.assert_allclose(effective_rate(motion, np.linspace(0.0, 72.0, 20)), 0.7 * W, atol=1e-15)

@@ -124,6 +124,27 @@ def test_horizontal_velocities_say_nothing_of_the_vertical_one(tmp_path, names, 
 GARBLED = ("0.5,0.01,0.0", "0.5,#\x7f,0.02,-1,0.1,0.2,0.3", "0.5,0.01,0.02-1.0,0.1,0.2,0.3,0.4", "1.2.3,0,0,1,0,0,0")
 
 
+def table(tmp_path, columns):
+    path = tmp_path / "fixes.csv"
+    np.savetxt(path, np.stack(list(columns.values()), axis=1), delimiter=",", header=",".join(columns), comments="")
+    return path
+
+
+def test_accuracies_of_phones_are_radii_that_hold_68_percent(tmp_path):
+    """sqrt(-2 ln 0.32) = 1.5096 sigma of two equal axes."""
+    radius = 3.0 + 0.1 * (np.arange(60) % 5)
+    level = {"time": np.arange(60.0), "lat": 48.0 + 1e-4 * np.arange(60), "lon": np.full(60, 11.0), "alt": np.zeros(60)}
+    log = schuler.read(table(tmp_path, level | {"accuracy": radius}))
+    np.testing.assert_allclose(np.sqrt(log.gnss.cov_r_n[:, 0, 0]), radius / 1.5096, rtol=1e-4)  # printed digits
+    np.testing.assert_allclose(np.sqrt(log.gnss.cov_r_n[:, 2, 2]), 2.0 * radius, rtol=1e-12)
+    both = level | {"Horizontal Accuracy (m)": radius, "Vertical Accuracy (m)": 5.0 + radius}
+    np.testing.assert_allclose(np.sqrt(schuler.read(table(tmp_path, both)).gnss.cov_r_n[:, 2, 2]), 5.0 + radius)
+    radius[7] = 0.0
+    log = schuler.read(table(tmp_path, level | {"accuracy": radius}), sigma="4,4,6")
+    np.testing.assert_allclose(np.sqrt(log.gnss.cov_r_n[:, 0, 0]), 4.0)
+    assert any("zero or missing, so that none is used" in note for note in log.metadata.notes)
+
+
 def garble(path, at, wrong=GARBLED):
     rows = path.read_text().splitlines()
     for k, text in zip(at, wrong, strict=True):

@@ -188,7 +188,8 @@ def accuracy_hints(
     if part != "gnss" or not {"lat", "n", "x"} & set(names):
         return {}, []
     of_velocity = set(columns.VELOCITY[:2]) <= set(names) and not set(columns.VELOCITY_SIGMA[:2]) <= set(names)
-    of_position = not set(columns.SIGMA) <= set(names)
+    radius = tables.column(path, names.index("radius")) if "radius" in names else None
+    of_position = not (set(columns.SIGMA) <= set(names) or (radius is not None and bool(np.all(radius > 0.0))))
     if not of_position and not of_velocity:
         return {}, []
     level = nmea.RANGE_ERROR[1]

@@ -22,7 +22,7 @@ from schuler.recording.io import clock, lines, parts
 from schuler.recording.io.assemble import metadata_of
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
-from schuler.recording.io.over_ground import velocities
+from schuler.recording.io.over_ground import CIRCLE_68, velocities
 from schuler.recording.io.parts import Table
 from schuler.recording.io.streams import Stream, choose, joined, stream_of
 from schuler.recording.recording import Recording
@@ -30,8 +30,6 @@ from schuler.timebase import UNIX_TO_GPS_S, TimeBase, gps_from_unix
 
 _HINTS = parts.GNSS_HINTS | {"axes", "streams", "time"}
 _AXES = "RFU"
-#: Radius over sigma: 68 % of errors of two equal axes are within 1.51 of their sigma: sqrt(-2 ln 0.32).
-CIRCLE_68 = float(np.sqrt(-2.0 * np.log(0.32)))
 _FIELDS = {
     "UncalAccel": ("UncalAccelXMps2", "UncalAccelYMps2", "UncalAccelZMps2"),
     "Accel": ("AccelXMps2", "AccelYMps2", "AccelZMps2"),

@@ -16,11 +16,10 @@ import numpy as np
 from schuler import units
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError
-from schuler.recording.formats.android import CIRCLE_68
 from schuler.recording.io import clock, clock_map, parts, plain_text
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
-from schuler.recording.io.over_ground import measured, velocities
+from schuler.recording.io.over_ground import CIRCLE_68, measured, velocities
 from schuler.recording.io.parts import Table
 from schuler.recording.io.streams import Stream, joined, stream_of
 from schuler.recording.recording import Recording

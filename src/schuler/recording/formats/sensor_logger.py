@@ -16,11 +16,10 @@ import numpy as np
 from schuler import units
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError
-from schuler.recording.formats.android import CIRCLE_68
 from schuler.recording.io import clock, lines, parts, plain_text
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
-from schuler.recording.io.over_ground import velocities
+from schuler.recording.io.over_ground import CIRCLE_68, velocities
 from schuler.recording.io.parts import Table
 from schuler.recording.io.streams import joined
 from schuler.recording.io.zip_tables import head_in_zip, unzipped_tables, zipped_names

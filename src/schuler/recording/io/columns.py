@@ -32,6 +32,7 @@ INCREMENT_QUANTITY = {**GROUP_QUANTITY, "accel": "velocity", "gyro": "angle"}
 ACCEL, GYRO, MAG = ("ax", "ay", "az"), ("gx", "gy", "gz"), ("mx", "my", "mz")
 GEODETIC, ECEF, LOCAL = ("lat", "lon", "h"), ("x", "y", "z"), ("n", "e", "d")
 VELOCITY, ECEF_VELOCITY = ("vn", "ve", "vd"), ("vx", "vy", "vz")
+#: ``radius`` is that of a circle that holds 68 % of horizontal errors, as phones state it.
 SIGMA, VELOCITY_SIGMA = ("sn", "se", "sd"), ("svn", "sve", "svd")
 CROSS, VELOCITY_CROSS = ("cne", "cnd", "ced"), ("cvne", "cvnd", "cved")
 EULER, QUATERNION = ("roll", "pitch", "yaw"), ("qw", "qx", "qy", "qz")
@@ -51,7 +52,7 @@ GROUP: dict[str, str | None] = {
     **dict.fromkeys(EULER, "angle"),
     **dict.fromkeys(("heading", "sheading", "course"), "angle"),
     **dict.fromkeys(("h", "sh"), "length"),
-    **dict.fromkeys((*SIGMA, *ECEF, *LOCAL), "length"),
+    **dict.fromkeys((*SIGMA, "radius", *ECEF, *LOCAL), "length"),
     **dict.fromkeys((*VELOCITY, *VELOCITY_SIGMA, *ECEF_VELOCITY, "speed", "sspeed"), "velocity"),
     **dict.fromkeys((*CROSS, *VELOCITY_CROSS, *QUATERNION, "q", "ns", *DILUTION), None),
 }
@@ -88,6 +89,9 @@ def _spellings() -> dict[str, str]:
         table[word] = "t"
     table |= {"temperature": "temp", "tmp": "temp", "latitude": "lat", "longitude": "lon", "lng": "lon", "height": "h"}
     table |= dict.fromkeys(("altitude", "alt"), "h")
+    for word in ("accuracy", "horizontal_accuracy"):  # of phones
+        table[word] = "radius"
+    table |= {"vertical_accuracy": "sd", "speed_accuracy": "sspeed"}
     table |= {"quality": "q", "n_satellites": "ns", "nsat": "ns"}
     table |= dict.fromkeys(("sats", "satellites", "num_sv", "numsv", "num_sats", "nsats"), "ns")
     table |= dict.fromkeys(_LATE_CLOCKS, "t")
@@ -314,6 +318,7 @@ BELONGS = {
         *LOCAL,
         *VELOCITY,
         *SIGMA,
+        "radius",
         *VELOCITY_SIGMA,
         *CROSS,
         *VELOCITY_CROSS,

@@ -43,6 +43,7 @@ def gnss_series(raw: Raw, hints: ReadHints, t: FloatArray) -> GnssSeries:
         _without_heights(raw, hints)
     llh = _geodetic(raw, hints)
     v_n, cov_v_n = None, None
+    _sigmas_of_radius(raw)
     cov_r_n = _covariance(raw, hints, columns.SIGMA, columns.CROSS, 0)
     if no_height:
         cov_r_n[:, 2, :] = cov_r_n[:, :, 2] = 0.0
@@ -77,6 +78,23 @@ def gnss_series(raw: Raw, hints: ReadHints, t: FloatArray) -> GnssSeries:
             raise raw.fault(f"expected a quality q of {meanings}, got {quality[bad[0]]}: skip the column", int(bad[0]))
     dop = stated_dilution(*(raw.values.get(name) for name in columns.DILUTION))
     return GnssSeries(t, llh, cov_r_n, v_n, cov_v_n, quality, _integers(raw, "ns"), raw.values.get("received"), dop)
+
+
+def _sigmas_of_radius(raw: Raw) -> None:
+    """1-sigma of the axes from the radius of 68 % that phones state, where it was measured."""
+    radius = raw.values.get("radius")
+    if radius is None or raw.has(columns.SIGMA[:2]):
+        return
+    if not np.all(radius > 0.0):
+        raw.notes.append("The accuracies of single fixes are zero or missing, so that none is used.")
+        return
+    sigma = radius / over_ground.CIRCLE_68
+    raw.values |= {"sn": sigma, "se": sigma}
+    vertical = raw.values.get("sd")
+    raw.notes.append("Accuracies are radii of 68 %; 1-sigma of north and east is the radius by 1.51.")
+    if vertical is None or not over_ground.measured(vertical, radius):
+        raw.values["sd"] = 2.0 * radius
+        raw.notes.append("No vertical accuracy was measured: twice the horizontal one is taken.")
 
 
 def _without_heights(raw: Raw, hints: ReadHints) -> None:

@@ -41,9 +41,9 @@ class ReadHints:
         Meaning of the columns in order, ``"t,ax,ay,az,gx,gy,gz"``; ``-`` or ``_`` skips one, a ``*`` at the end skips
         the rest, ``-ax`` changes the sign.
         Names: t; ax ay az, gx gy gz, temp; lat lon h, vn ve vd, sn se sd, svn sve svd, q, ns, received;
-        speed, sspeed (and course, of fixes); heading, sheading; h, sh (of a barometer); for references x y z,
-        vx vy vz (Earth-fixed) and
-        roll pitch yaw; n e d of a local frame (with ``origin``).
+        speed, sspeed (and course, of fixes; radius, that holds 68 % of their horizontal errors); heading, sheading;
+        h, sh (of a barometer); for references x y z, vx vy vz (Earth-fixed) and roll pitch yaw; n e d of a local frame
+        (with ``origin``).
         ``name=header`` takes a column by its header, or an array by its name.
     units : str, optional
         ``"g,deg/s"`` (accelerometer, gyro) with an optional third for time, or by group:

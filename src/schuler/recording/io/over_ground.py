@@ -16,6 +16,8 @@ NO_HEIGHT = 1000.0
 NO_VERTICAL_RATE = 10.0
 #: 1-sigma of a velocity that is missing at single fixes. [m/s]
 NO_VELOCITY = 1000.0
+#: Radius over sigma: 68 % of errors of two equal axes are within 1.51 of their sigma: sqrt(-2 ln 0.32).
+CIRCLE_68 = float(np.sqrt(-2.0 * np.log(0.32)))
 _ENOUGH = 10  # pairs of fixes that a scatter is taken from
 _LONGEST = 3.0  # between the two fixes of a pair [s]
 _TO_SIGMA = 1.4826  # of a median of absolute values

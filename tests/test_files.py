@@ -204,6 +204,11 @@ def write_set(folder: Path, text: str = "x") -> None:
     write_text(folder / "figures" / "b.svg", text)
 
 
+def test_toml_that_never_ends_is_refused():
+    with pytest.raises(ConfigError, match=r"not a TOML file: longer than 1e\+07 characters"):
+        read_toml("/dev/zero")
+
+
 def test_a_set_of_files_appears_at_once(tmp_path):
     with outputs():
         write_set(tmp_path / "run" / "deep")

@@ -29,6 +29,9 @@ _HIDDEN = ".schuler-"  # how temporaries begin
 LISTED = ".schuler.json"  # list of what commands wrote into a folder that they made
 
 
+_LARGEST_TOML = 10_000_000  # characters
+
+
 def read_toml(path: Path | str, missing: str = "no such configuration file") -> dict[str, Any]:
     """Entries of a TOML file, not checked.
 
@@ -46,7 +49,11 @@ def read_toml(path: Path | str, missing: str = "no such configuration file") -> 
     path = Path(path)
     note_input(path)
     try:
-        return parsed_toml(path.read_text(encoding="utf-8-sig"))
+        with path.open(encoding="utf-8-sig") as file:
+            text = file.read(_LARGEST_TOML + 1)
+        if len(text) > _LARGEST_TOML:  # a device never ends
+            raise ValueError(f"longer than {_LARGEST_TOML:.0e} characters")
+        return parsed_toml(text)
     except FileNotFoundError:
         raise TomlError(missing, path) from None
     except OSError as error:

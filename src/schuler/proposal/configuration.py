@@ -26,6 +26,7 @@ from schuler.proposal.decision import Decision, UndecidedError, option
 from schuler.proposal.files import SOMEWHERE, Files, files_of, hints_of
 from schuler.proposal.hints import UNTIL, is_plain, rates_by_name
 from schuler.proposal.imu_model import imu_entries
+from schuler.proposal.judgement import judged
 from schuler.proposal.toml import comment, section_lines
 from schuler.recording.io import dispatch, packed, plain_text
 from schuler.recording.part import cut
@@ -38,6 +39,8 @@ _ROUNDS = 8  # of cures; each judges the log anew
 _HEAD = 2000  # characters of a file in which its IMU may be named
 _WITH_SCALES = 33  # states, those of scale factors and misalignments among them
 _GIVEN = "as said"
+_AXES = ("axes", "handedness")  # findings that withheld fixes judge
+_BORNE_OUT = 3.0  # standard errors of the mean logarithm of a ratio of errors
 _REFUSED = ("refused", "unreadable", "missing", "duplicates", "backward_times")  # findings on rows, among others
 
 
@@ -236,7 +239,9 @@ def _cured(files: Files, given: Mapping[str, Any]) -> Diagnosis:
     for _ in range(_ROUNDS):
         diagnosis = diagnose_log(files.log, quick=True, **files.entries)
         refused = any(f.code in _REFUSED for f in diagnosis.findings)
-        if not (refused and leave_out_garbled(files, given)) and not _step(files, diagnosis.findings, given):
+        if (refused and leave_out_garbled(files, given)) or _step(files, diagnosis.findings, given):
+            continue
+        if not _likely_axes_by_trial(files, diagnosis, given):
             break
     if question := _question(files, diagnosis):
         raise question
@@ -314,6 +319,41 @@ def _step(files: Files, findings: Sequence[Finding], given: Mapping[str, Any]) -
     return False
 
 
+def _likely_axes_by_trial(files: Files, diagnosis: Diagnosis, given: Mapping[str, Any]) -> bool:
+    """Axes that are likely, but not sure, are taken where fixes bear them out; whether the hints were changed.
+
+    The log is navigated with the axes and without, and withheld fixes judge. Where they are not predicted better beyond
+    doubt, it stays as it was read, with a note: positions do not care what a turned body calls its axes. Where the log
+    cannot be navigated, the question stays.
+    """
+    for f in diagnosis.findings:
+        entry = files.entry(f.part)
+        if f.code not in _AXES or f.severity == "note" or f.confidence >= cures.SURE or entry is None:
+            continue
+        new = cures.proposed(f, entry)
+        stated = given.get(f.part, {}) if files.by_part else given
+        words = {at: value for name, value in (new or {}).items() for at in files.names_of(f.part, name)}
+        tried_before = any(d.entry in words for d in files.decisions)
+        if not new or any(name in stated for name in new) or tried_before or not _takes(files, words):
+            continue
+        as_read, other = _read(files), _read_with(files, words)
+        imu = {"imu": imu_entries(None, as_read.need_imu(), None, _heads(files))[0]}
+        without, with_them = judged(as_read, imu), judged(other, imu)
+        if without is None or with_them is None:
+            continue
+        numbers = (
+            f"{with_them.median:.2g} m with it, {without.median:.2g} m without, after {without.length_s:.2g} s "
+            "without fixes"
+        )
+        likely = f"{f.text} ({100.0 * f.confidence:.0f} % likely)"
+        if with_them.better_than(without, _BORNE_OUT):
+            files.put(f.part, new)
+            files.decisions += [Decision(at, value, f"{likely}; {numbers}") for at, value in words.items()]
+            return True
+        files.decisions += [Decision(at, None, f"{likely}, but {numbers}") for at in words]
+    return False
+
+
 def _rates_by_name(files: Files, axes: str) -> str | None:
     """Columns of an IMU's table whose rates are called after the vehicle's axes, which the accelerometer's are not."""
     entry = files.entry("imu") or {}
@@ -371,9 +411,8 @@ def _remarks(files: Files, diagnosis: Diagnosis) -> list[str]:
 
 def _takes(files: Files, answer: Mapping[str, Any]) -> bool:
     """Whether the log is read with an answer: a format that says this itself refuses it."""
-    more = setup.nested(dict(answer)).get("recording", {})
     try:
-        dispatch.read(files.log, **merged(files.entries, more))
+        _read_with(files, answer)
     except InputError as error:
         return "leave out" not in str(error)
     return True
@@ -394,6 +433,11 @@ def _read(files: Files) -> Recording:
     if recording.imu is None:
         raise InputError(f"{files.log}: expected a log of an IMU, got {', '.join(_held(recording))}")
     return recording
+
+
+def _read_with(files: Files, answer: Mapping[str, Any]) -> Recording:
+    more = setup.nested(dict(answer)).get("recording", {})
+    return dispatch.read(files.log, **merged(files.entries, more))
 
 
 def _without_fixes(files: Files, recording: Recording) -> UndecidedError:

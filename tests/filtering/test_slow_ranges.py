@@ -78,7 +78,7 @@ def test_a_satellite_without_a_channel_counts_as_white_noise_as_large(drive):
             name: np.concatenate([getattr(r, name) for r in many])[np.argsort(np.tile(over.t, 4), kind="stable")]
             for name in (
                 "t", "sat", "group", "r_sat_e", "v_sat_e", "pseudorange", "range_rate", "sigma_range", "sigma_rate",
-                "elevation", "azimuth", "cn0", "reason", "carrier_range", "arc", "wavelength",
+                "elevation", "azimuth", "cn0", "reason", "carrier_range", "arc", "wavelength", "bands_apart",
             )
         },
     )  # fmt: skip

@@ -62,7 +62,7 @@ def sample(log: "Recording | Path | str", names: "Sequence[str]" = (), *, rate: 
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "message"),
     [
         ({"log": 3}, r"sample: log: expected Recording or Path or str, got int$"),
         ({"log": IMU}, r"got ImuSeries, make one of it: schuler\.Recording\(imu=\.\.\.\)$"),
@@ -70,8 +70,8 @@ def sample(log: "Recording | Path | str", names: "Sequence[str]" = (), *, rate: 
         ({"log": "a", "rate": "13"}, r"sample: rate: expected float or None, got str$"),
     ],
 )
-def test_the_first_wrong_argument_is_named(given, said):
-    with pytest.raises(InputError, match=said):
+def test_the_first_wrong_argument_is_named(given, message):
+    with pytest.raises(InputError, match=message):
         sample(**given)
 
 

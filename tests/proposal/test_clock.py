@@ -68,9 +68,9 @@ def test_what_is_stated_needs_none(diagnosed, gnss):
 def test_a_shift_beyond_doubt_is_no_question_and_a_likely_one_is(diagnosed, tmp_path):
     recording, diagnosis = diagnosed
     files = files_of([written(recording, tmp_path)], {})
-    found = [Finding("time_offset", "error", "late", p, "offset=-0.8 for the IMU") for p in (0.99, 0.9)]
-    assert configuration._question(files, replace(diagnosis, findings=(found[0],))) is None
-    assert isinstance(configuration._question(files, replace(diagnosis, findings=(found[1],))), UndecidedError)
+    findings = [Finding("time_offset", "error", "late", p, "offset=-0.8 for the IMU") for p in (0.99, 0.9)]
+    assert configuration._question(files, replace(diagnosis, findings=(findings[0],))) is None
+    assert isinstance(configuration._question(files, replace(diagnosis, findings=(findings[1],))), UndecidedError)
 
 
 @pytest.mark.campaign

@@ -161,7 +161,7 @@ class Ephemerides(Abridged):
         Satellites' antennas, by which precise positions become those of phase centres; receivers' for baselines.
     ionosphere_maps : IonosphereMaps, optional
     code_biases : CodeBiases, optional
-        Instead of group delays, beside precise clocks.
+        Instead of group delays, beside precise clocks; differences of biases also relative to group delays.
     beidou_alpha, beidou_beta : tuple of float, optional
         BeiDou's eight ionosphere coefficients. [s, s/semicircle, ...]
     """

@@ -15,7 +15,7 @@ from schuler.gnss.atmosphere import Ionosphere, Troposphere, atmosphere, check_m
 from schuler.gnss.carrier import begin_arcs
 from schuler.gnss.carrier_scale import without_wrong_rates
 from schuler.gnss.coarse import ReceiverPlace, epoch_medians, receiver_place
-from schuler.gnss.code_biases import biases_at
+from schuler.gnss.code_biases import biases_at, relative_biases_at
 from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.ionosphere import ionosphere_free
 from schuler.gnss.observations import Observations
@@ -25,6 +25,7 @@ from schuler.gnss.satellites import (
     UNKNOWN_DELAY,
     SatelliteStates,
     choose_messages,
+    clock_to_b3i,
     group_delays,
     states_of_messages,
     transmission_times,
@@ -129,8 +130,8 @@ def prepare_ranges(
     epoch = np.searchsorted(epochs, c.t)
     sent = _sent(c, ephemerides, epoch, epoch_gps_s, causal=causal, max_age_s=max_age_s)
     states = sent.states
-    biases, bias_notes = _biases(c, observations.signals, ephemerides, epoch_gps_s)
-    combined, noise_factor, unknown = _without_delays(c, states, biases, free=free)
+    delays, bias_notes = _delays(c, observations.signals, states, ephemerides, epoch_gps_s)
+    combined, noise_factor, unknown = _without_delays(c, states, delays, free=free)
     corrected = combined + SPEED_OF_LIGHT * states.clock
     channels |= observations.glonass_channels
     metres = _carrier_ranges(c, channels)
@@ -284,45 +285,66 @@ def _carrier_ranges(c: ChosenSignals, channels: Mapping[int, int]) -> FloatArray
     return np.where(unknown, np.nan, c.carrier * SPEED_OF_LIGHT / c.frequency_hz[:, 0])
 
 
-def _biases(
-    c: ChosenSignals, names: tuple[str, ...], ephemerides: Ephemerides, epoch_gps_s: float
-) -> tuple[FloatArray, list[str]]:
-    """Biases of both pseudoranges that a file states, which belong to precise clocks. Shape (n, 2). [s]"""
-    out, table = np.full((len(c.t), 2), np.nan), ephemerides.code_biases
+class _Delays(NamedTuple):
+    """By how much both pseudoranges are late against the satellite's clock, and whether that is stated. (n, 2), [s]"""
+
+    late: FloatArray
+    stated: BoolArray
+
+
+def _delays(
+    c: ChosenSignals, names: tuple[str, ...], states: SatelliteStates, ephemerides: Ephemerides, epoch_gps_s: float
+) -> tuple[_Delays, list[str]]:
+    """Group delays of the messages, and biases of a file where it leads to the clocks or to those."""
+    broadcast = [group_delays(states, c.sat, c.bands[:, k]) for k in range(2)]
+    out = _Delays(np.stack([x[0] for x in broadcast], axis=1), np.stack([x[1] for x in broadcast], axis=1))
+    table, precise = ephemerides.code_biases, ephemerides.precise_orbits is not None
     if table is None:
         return out, []
-    if ephemerides.precise_orbits is None:
-        return out, ["code biases are not used: they belong to precise clocks, give the SP3 file of their centre"]
-    name = np.array([*names, ""])
+    absolute = np.array([not x for x in table.against])
+    notes = []
+    if not precise and absolute.any():
+        notes.append("code biases are not used: they belong to precise clocks, give the SP3 file of their centre")
+        if absolute.all():
+            return out, notes
+    name, measured = np.array([*names, ""]), np.isfinite(c.pseudorange)
+    clock, delay = np.zeros(measured.shape, dtype=bool), np.zeros(measured.shape, dtype=bool)
     for k, signal in enumerate((c.signal, c.second)):
-        out[:, k] = biases_at(table, c.sat, name[signal], epoch_gps_s + c.t)
-    measured = np.isfinite(c.pseudorange)
-    without = int((measured & np.isnan(out)).sum())
-    return out, [
-        f"code biases are those of the file for {int(measured.sum()) - without} pseudoranges"
-        + (f", {without} have none in it" if without else "")
-    ]
+        relative = relative_biases_at(table, c.sat, name[signal], epoch_gps_s + c.t)
+        if precise:
+            bias = biases_at(table, c.sat, name[signal], epoch_gps_s + c.t)
+            bias = np.where(np.isfinite(bias), bias, relative.to_clock) + clock_to_b3i(states, c.sat)
+            clock[:, k] = np.isfinite(bias)
+            out.late[clock[:, k], k], out.stated[clock[:, k], k] = bias[clock[:, k]], True
+        # against the group delay of the signal's own band if there is one, else that of another band
+        own = c.bands[:, k]
+        for band in (own, *(np.full(len(own), x) for x in range(1, relative.to_band.shape[1]))):
+            late, stated = group_delays(states, c.sat, band)
+            late = late + relative.to_band[np.arange(len(own)), band]
+            here = np.isfinite(late) & ~clock[:, k] & ~delay[:, k] & (stated | (band is own))
+            out.late[here, k], out.stated[here, k] = late[here], stated[here]
+            delay[here & (stated | (c.sat // 100 == SYSTEMS.index("R"))), k] = True
+    parts = [f"code biases are those of the file for {int((measured & (clock | delay)).sum())} pseudoranges"]
+    if (measured & delay).any():
+        parts.append(f"{int((measured & delay).sum())} of them relative to group delays of the messages")
+    if (measured & ~clock & ~delay).any():
+        parts.append(f"{int((measured & ~clock & ~delay).sum())} have none in it")
+    return out, [*notes, ", ".join(parts)]
 
 
 def _without_delays(
-    c: ChosenSignals, states: SatelliteStates, biases: FloatArray, *, free: bool
+    c: ChosenSignals, states: SatelliteStates, delays: _Delays, *, free: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Pseudoranges with group delays taken out: combined, noise factor, 1-sigma of unknown delays."""
-    broadcast, given = zip(*(group_delays(states, c.sat, c.bands[:, i]) for i in range(2)), strict=True)
-    stated = np.isfinite(biases.T)
-    delays, knowns = np.where(stated, biases.T, broadcast), np.array(given) | stated
-    first = c.pseudorange[:, 0] - SPEED_OF_LIGHT * delays[0]
-    unknown_first = np.where(knowns[0] | ~states.has_message | (c.sat // 100 == SYSTEMS.index("R")), 0.0, UNKNOWN_DELAY)
+    sure = delays.stated | (~states.has_message | (c.sat // 100 == SYSTEMS.index("R")))[:, None]
+    unknown_first, unknown_second = np.where(sure, 0.0, UNKNOWN_DELAY).T
+    first, second = (c.pseudorange - SPEED_OF_LIGHT * delays.late).T
     if not free:
         return first, np.ones(len(c.t)), unknown_first
-    second = c.pseudorange[:, 1] - SPEED_OF_LIGHT * delays[1]
     pair = (c.bands > 0).all(axis=1)
     combined, factor = np.full(len(c.t), np.nan), np.ones(len(c.t))
     f1, f2 = c.frequency_hz[pair].T
     combined[pair], factor[pair] = ionosphere_free(first[pair], second[pair], f1, f2)
-    unknown_second = np.where(
-        knowns[1] | ~states.has_message | (c.sat // 100 == SYSTEMS.index("R")), 0.0, UNKNOWN_DELAY
-    )
     share = np.ones(len(c.t))
     share[pair] = f1**2 / (f1**2 - f2**2)
     factor = np.where(np.isfinite(factor), factor, np.sqrt(share**2 + (share - 1.0) ** 2))

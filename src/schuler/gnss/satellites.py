@@ -262,9 +262,7 @@ def _with_precise(
     if ephemerides.antennas:
         r_e = r_e + satellite_offsets(ephemerides.antennas, sat, epoch_gps_s + t, r_e)
     there = np.isfinite(r_e[:, 0]) & np.isfinite(clock)
-    beidou = sat // 100 == _C
-    delay = states.group_delay[:, 0] / (1.0 - _gamma("C", 6, 2))
-    clock = clock + periodic + np.where(beidou & ~states.newer & np.isfinite(delay), delay, 0.0)
+    clock = clock + periodic + clock_to_b3i(states, sat)
     column = np.clip(np.searchsorted(orbits.sat, sat), 0, len(orbits.sat) - 1)
     own = orbits.sat[column] == sat
     return replace(
@@ -406,6 +404,12 @@ def group_delays(states: SatelliteStates, sat: IntArray, bands: IntArray) -> tup
     put("C", 5, np.where(newer & np.isfinite(second), second, 0.0), newer & np.isfinite(second))
     put("C", 8, none, broadcast=False)
     return delay, available
+
+
+def clock_to_b3i(states: SatelliteStates, sat: IntArray) -> FloatArray:
+    """What brings BeiDou's precise clocks (B1I/B3I) to that of B3I, by TGD1; zero for others. Shape (n,). [s]"""
+    delay = states.group_delay[:, 0] / (1.0 - _gamma("C", 6, 2))
+    return np.where((sat // 100 == _C) & ~states.newer & np.isfinite(delay), delay, 0.0)
 
 
 def _gamma(system: str, first: int, second: int) -> float:

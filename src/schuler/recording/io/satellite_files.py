@@ -23,7 +23,7 @@ _NAVIGATION = b"NGHELJ"  # letters of kinds in column 21, see rinex_header.KINDS
 _COMPRESS = b"\x1f\x9d"
 _USED = {"name", "series"}
 _RECEIVER = b"GNSS1::PosLla"
-_BIASES = b"%=BIA "
+_BIASES, _DIFFERENCES = b"%=BIA ", b" DCB SOLUTION"
 _SP3 = re.compile(rb"#[a-d][PV]\d{4} ")
 #: Arrays of a PSINS file of ranges.
 PSINS_ARRAYS = frozenset({"imu", "obss", "ephs", "t0"})
@@ -166,7 +166,7 @@ def _navigation(path: Path, hints: ReadHints) -> Recording:
 
 
 def _precise_kind(path: Path, head: bytes) -> str | None:
-    """``orbits`` for SP3, ``clocks`` for RINEX clocks, ``antennas``, ``maps`` for IONEX, ``biases``, packed or not."""
+    """``orbits`` (SP3), ``clocks`` (RINEX), ``antennas``, ``maps`` (IONEX), ``biases``, ``differences``; or packed."""
     from schuler.recording.formats.rinex_clock import looks_like_rinex_clock
 
     first = _opening(path, head).partition(b"\n")[0]
@@ -176,6 +176,8 @@ def _precise_kind(path: Path, head: bytes) -> str | None:
         return "maps"
     if first.startswith(_BIASES):
         return "biases"
+    if _DIFFERENCES in first:
+        return "differences"
     return "orbits" if _SP3.match(first) else "clocks" if looks_like_rinex_clock(first) else None
 
 
@@ -183,7 +185,7 @@ def _precise(path: Path, hints: ReadHints, kind: str) -> Recording:
     from schuler.recording.formats.antex import read_antex
     from schuler.recording.formats.ionex import read_ionex
     from schuler.recording.formats.rinex_clock import read_rinex_clock
-    from schuler.recording.formats.sinex_bias import read_sinex_bias
+    from schuler.recording.formats.sinex_bias import read_code_differences, read_sinex_bias
     from schuler.recording.formats.sp3 import read_sp3
 
     hints.check_used(path, _USED, "a file of precise orbits, clocks, antennas or of the ionosphere")
@@ -195,8 +197,9 @@ def _precise(path: Path, hints: ReadHints, kind: str) -> Recording:
         time = TimeBase("gps", float(maps.t[0] // WEEK_S * WEEK_S))
         ephemerides = Ephemerides(no_kepler(), no_glonass(), notes=maps.notes, ionosphere_maps=maps)
         return Recording(ephemerides=ephemerides, metadata=metadata_of(path, hints, time, maps.notes))
-    if kind == "biases":
-        ephemerides = Ephemerides(no_kepler(), no_glonass(), code_biases=read_sinex_bias(path))
+    if kind in ("biases", "differences"):
+        biases = read_sinex_bias(path) if kind == "biases" else read_code_differences(path)
+        ephemerides = Ephemerides(no_kepler(), no_glonass(), code_biases=biases)
         return Recording(ephemerides=ephemerides, metadata=metadata_of(path, hints, TimeBase("gps", 0.0), ()))
     orbits = read_sp3(path) if kind == "orbits" else None
     clocks = read_rinex_clock(path) if kind == "clocks" else None

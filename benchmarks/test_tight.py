@@ -48,7 +48,7 @@ def job(log_1000s, start, noise, ranges):
 
 
 @pytest.mark.benchmark(group="tightly coupled, 100 Hz IMU, 1 Hz ranges and rates")
-@pytest.mark.parametrize("satellites", [14, 5])
+@pytest.mark.parametrize("satellites", [14, 8, 5])
 @pytest.mark.parametrize("smoother", [False, True], ids=["filter", "kept for the smoother"])
 def test_tight(benchmark, log_1000s, start, noise, sky, satellites, smoother):
     from schuler.navigation.inputs.satellites import limited

@@ -1,8 +1,11 @@
 """Units of angular rates that their size and the swing of a foot leave, and counts."""
 
+import re
+
 import numpy as np
 import pytest
 
+import schuler
 from schuler.calibration.freepose.simulation import hand_log, spread_turns
 from schuler.diagnosis import diagnose
 from schuler.diagnosis.gyro_unit import COUNTS_PER_DEG_S, are_counts, possible_units
@@ -78,3 +81,23 @@ def test_counts_are_told_from_units_near_them(lsb):
     fixes = {f.code: f.fix for f in diagnosis.findings}
     assert fixes["gyro_unit"] == f"scale='gyro={DEG / lsb:.6g}'"
     assert fixes["accel_unit"].startswith(f"scale='accel={G0 / 2048.0:.6g}'")
+
+
+@pytest.mark.parametrize("fault", [0.5, 1.0, 2.1])
+def test_a_rate_that_was_said_may_be_what_is_wrong(tmp_path, fault):
+    """Turned by hand, degrees a second, no stamps, read at a multiple of its rate: no scale is taken for sure."""
+    imu = hand_log(ImuErrors(), np.random.default_rng(5), poses=12, initial_rest_s=5.0).rates()
+    rng = np.random.default_rng(6)
+    accel, gyro = (x + 0.01 * rng.standard_normal(x.shape) for x in (imu.accel, imu.gyro / DEG))
+    path = tmp_path / "hand.csv"
+    np.savetxt(path, np.hstack((accel, gyro)), delimiter=",", header="ax,ay,az,gx,gy,gz", comments="")
+    rate_hz = 1.0 / imu.interval
+    diagnosis = diagnose(schuler.read(path, rate=fault * rate_hz, units="m/s^2,rad/s"))
+    [finding] = [f for f in diagnosis.findings if f.code == "gyro_unit"]
+    if fault == 1.0:
+        assert "deg/s" in finding.fix
+        assert finding.confidence > 0.98
+    else:
+        assert finding.confidence < 0.98
+        [rate] = re.findall(r"([\d.]+) Hz if they are deg/s", finding.text)
+        assert float(rate) == pytest.approx(rate_hz, rel=0.05)  # noise, and where rests end

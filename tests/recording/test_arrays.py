@@ -84,7 +84,7 @@ def test_structures_are_looked_into(tmp_path, still):
         ({"a": (7, 7)}, {"columns": COLUMNS}, r"a has the shape \(7, 7\), which does not tell its 7 columns"),
         ({"a": (5, 7)}, {"columns": COLUMNS, "variable": "b"}, "there is no array 'b'; the file holds a"),
         ({"array": (5, 3)}, {}, "of three columns it is not known what they are: say columns='gx,gy,gz'"),
-        ({"accel": (5, 3)}, {}, "gyro may be nothing: say columns="),
+        ({"accel": (5, 3)}, {}, "no array of three columns is called gyro: say columns="),
         ({"accel": (5, 3), "acc": (5, 3), "gyro": (5, 3)}, {}, "accel may be any of accel, acc"),
         ({"accel": (3, 3), "gyro": (3, 3)}, {}, r"accel: expected N x 3 or 3 x N values, got the shape \(3, 3\)"),
         ({"accel": (5, 3), "gyro": (6, 3), "t": (5,)}, {}, "expected columns of one length"),

@@ -257,12 +257,18 @@ def _beside(log: Path) -> str:
 
 
 def _read_reference(path: Path) -> Run:
-    """A reference as a run; a table without a header is refused with the command that converts it."""
+    """A reference as a run; a table without a header by its numbers, or refused with the command that converts it."""
     from schuler.navigation.evaluation.runs import read_run
+    from schuler.proposal.hints import is_plain, table_hints
 
     try:
         return read_run(path)
     except (InputError, FileFormatError) as error:
+        hints, decisions = table_hints(path, "reference", None) if is_plain(path) else (None, [])
+        if hints and "lat" in hints.get("columns", ""):
+            for d in decisions:
+                say(f"--reference {path.name}: {d.entry.rpartition('.')[2]} {d.value}: {d.evidence}")
+            return read_run(path, **hints)
         problem = str(error).partition(": say ")[0]
         raise InputError(
             f"--reference {problem}; a table that does not say what its columns are is converted first, such as: "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,7 @@ COUNTS_PER_DEG_S = (131.0, 65.5, 32.8, 16.4)
 _WIDEST = 4500.0 * units.DEG  # range that MEMS gyroscopes have, and a little
 _LARGEST_BIAS = 40.0 * units.DEG  # at rest
 _VERTICAL = np.cos(25.0 * units.DEG)  # a rate this near to the vertical may be a turn about it
+_FASTEST_HZ = 4000.0
 _LARGEST_COUNT = 2.0**15
 _LEAST_LARGE = 30  # counts: smaller whole numbers may be any unit, rounded
 _BLOCK_S = 0.1
@@ -374,6 +375,32 @@ def gyro_unit(
         number = next(value for u, _, value, _ in _candidates(interval, counts) if u == unit)
         return [Finding("gyro_unit", "error", text, confidence, f"scale='gyro={number / factor:.6g}'", evidence)]
     return [Finding("gyro_unit", "error", text, confidence, f"units='...,{unit}' (or units='gyro={unit}')", evidence)]
+
+
+def or_of_the_rate(finding: Finding, rate_hz: float, factor: float) -> Finding:
+    """The finding of a scale of its own, unsure where samples are counted at a stated rate, which may be what is wrong.
+
+    Parameters
+    ----------
+    finding : Finding
+    rate_hz : float
+        At which samples are counted.
+    factor : float
+        Makes the numbers as written rad/s.
+
+    Returns
+    -------
+    Finding
+        As it was if the numbers are in a unit, or no usual rate explains them.
+    """
+    if not finding.fix.startswith("scale="):
+        return finding
+    rates = {name: rate_hz * UNITS[name] / factor for name in ("deg/s", "rad/s")}
+    usual = " or ".join(f"{hz:.3g} Hz if they are {name}" for name, hz in rates.items() if 1.0 < hz < _FASTEST_HZ)
+    if not usual:
+        return finding
+    text = f"{finding.text}; or the log, which has no stamps, has another rate than {rate_hz:.4g} Hz: {usual}"
+    return replace(finding, text=text, confidence=min(finding.confidence, 0.6))
 
 
 def gyro_axes(P: FloatArray, evidence: dict[str, Any], *, agreed: bool) -> list[Finding]:

@@ -335,8 +335,11 @@ def find_turns(state: DiagnosisState, imu: ImuSeries) -> None:
     findings = gyro_unit.gyro_unit(
         need, imu.interval, stated, kind, evidence, "against turns of gravity between rests", counts=counts
     )
-    if any("raw counts" in note for note in state.recording.metadata.notes):
+    notes = state.recording.metadata.notes
+    if any("raw counts" in note for note in notes):
         findings = []
+    if any("stamps are counted at" in note for note in notes):  # a rate that is wrong looks like a scale
+        findings = [gyro_unit.or_of_the_rate(f, 1.0 / imu.interval, need * stated[1]) for f in findings]
     agreed = gyro_unit.halves_agree(turns, factor * P)
     state.findings += findings if agreed else [replace(f, confidence=min(f.confidence, 0.9)) for f in findings]
     state.findings += gyro_unit.gyro_axes(P, evidence, agreed=agreed)

@@ -1,17 +1,23 @@
-"""Arrays without names and times: rates, unit of angular rate and sense of a path, told by turns and accelerations."""
+"""Arrays without names and times: which is the IMU's; rates, unit and sense of a path by turns and accelerations."""
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import SchulerError
-from schuler.recording.formats import numpy_files
+from schuler.recording.formats import matlab, numpy_files, pyshoe
+from schuler.recording.io import variables
 from schuler.units import DEG
 
+#: Files of arrays.
+SUFFIXES = (".npy", ".npz", ".mat")
+_COLUMNS = (6, 7)  # of an IMU, or with its clock
 _FEWEST = 200  # fixes
 _STEP = 0.02  # share of its extent that a path may go in one sample
 _LENGTH = 8  # fixes over which a course is taken
@@ -49,18 +55,82 @@ class Relation:
     evidence: str
 
 
+class Inertial(NamedTuple):
+    """Rows of an IMU in a file of arrays.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (n, k)
+    factors : str or None
+        Name of the array of factors by which the columns were multiplied.
+    by_name : bool
+        The rows are specific force and angular rate, by the names of two arrays; else what they are is not known.
+    """
+
+    rows: FloatArray
+    factors: str | None = None
+    by_name: bool = False
+
+
 def array(path: Path) -> FloatArray | None:
-    """Rows of the one array of a ``.npy`` file; None if it is no table of numbers. Shape (n, k)."""
-    if path.suffix.lower() != ".npy":
+    """Rows of :func:`inertial`; None where that is. Shape (n, k)."""
+    held = inertial(path)
+    return None if held is None else held.rows
+
+
+def inertial(path: Path) -> Inertial | None:
+    """The array of a ``.npy`` file, or of a ``.npz`` or ``.mat`` file those that are called so, or may be an IMU's.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    Inertial or None
+        None if it is no such file, or none or several of its arrays have six or seven columns.
+    """
+    if path.suffix.lower() not in SUFFIXES or not path.is_file():
         return None
+    state = path.stat()
+    return _inertial(path, state.st_mtime_ns, state.st_size)
+
+
+@functools.lru_cache(maxsize=2)
+def _inertial(path: Path, _changed_ns: int, _size: int) -> Inertial | None:
+    """Kept for two files: a log is asked for many columns in turn."""
+    kind = path.suffix.lower()
     try:
-        values = numpy_files.read_array(path)
-    except SchulerError:
+        with path.open("rb") as stream:  # MATLAB's plain text is a table like others
+            if kind == ".mat" and b"\x00" not in stream.read(matlab.HEADER):
+                return None
+        held = (matlab.read_arrays if kind == ".mat" else numpy_files.read_arrays)(path)
+    except (SchulerError, OSError):
         return None
-    if values is None or values.ndim != 2 or values.dtype.kind not in "fiu":
+    held = {name: a for name, a in held.items() if a.dtype.kind in "fiu" and a.size}
+    if kind == ".npy":
+        return _sound(Inertial(_upright(a))) if held and (a := held["array"]).ndim == 2 else None
+    if pyshoe.is_pyshoe(path):
         return None
-    rows = np.asarray(values if values.shape[0] >= values.shape[1] else values.T, dtype=np.float64)
-    return rows if np.isfinite(rows).all() else None
+    if (triads := variables.triads_by_name(held)) is not None:
+        return None if len({len(x) for x in triads}) > 1 else _sound(Inertial(np.hstack(triads), by_name=True))
+    tables = [a for a in held.values() if a.ndim == 2 and min(a.shape) in _COLUMNS and max(a.shape) > min(a.shape)]
+    if len(tables) != 1:
+        return None
+    rows = _upright(tables[0])
+    scales = [name for name, a in held.items() if a.size == rows.shape[1] == max(a.shape) and np.all(a > 0.0)]
+    if tables[0].dtype.kind == "f" or len(scales) != 1:
+        return _sound(Inertial(rows))
+    return _sound(Inertial(rows * np.asarray(held[scales[0]], dtype=np.float64).ravel(), scales[0]))
+
+
+def _upright(array: np.ndarray[Any, np.dtype[Any]]) -> FloatArray:
+    """Samples along the first axis."""
+    return np.asarray(array if array.shape[0] >= array.shape[1] else array.T, dtype=np.float64)
+
+
+def _sound(held: Inertial) -> Inertial | None:
+    return held if np.isfinite(held.rows).all() else None
 
 
 def is_path(rows: FloatArray) -> bool:

@@ -175,7 +175,8 @@ def files_of(paths: Sequence[Path], given: Mapping[str, Any], *, complete: bool 
 
 def _one(path: Path, given: Mapping[str, Any]) -> Files:
     files = Files(path, dict(given))
-    if path.is_file() and "columns" not in given and "format" not in given and is_plain(path):
+    described = {"columns", "format", "variable"} & given.keys()
+    if path.is_file() and not described and (is_plain(path) or arrays.array(path) is not None):
         held = recognised(path)
         entry, decisions = table_hints(path, "recording", held[0] if held else None)
         if entry is None:

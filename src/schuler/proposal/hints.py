@@ -11,7 +11,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, SchulerError
-from schuler.proposal import tables
+from schuler.proposal import arrays, tables
 from schuler.proposal.decision import Decision
 from schuler.recording.formats import nmea, registry, rtklib, text
 from schuler.recording.io import columns, lines, text_head
@@ -19,7 +19,6 @@ from schuler.recording.io.hints import ReadHints
 
 #: End of the evidence of a unit that only motion can tell.
 UNTIL = "rad/s until the motion says otherwise"
-_ARRAYS = (".npy", ".npz", ".mat")
 _MOST_DEG = 180.0
 #: Factors of a u-blox receiver's whole numbers (NAV-PVT): degrees, metres, metres a second.
 _UBLOX = {"lat": 1e-7, "lon": 1e-7, "h": 1e-3, "speed": 1e-3, "course": 1e-5, "heading": 1e-5}
@@ -54,7 +53,9 @@ def table_hints(path: Path, section: str, part: str | None) -> tuple[dict[str, A
     """Hints of a plain table: columns where no header names them, the unit of time; None if it cannot be match."""
     entry: dict[str, Any] = {}
     decisions: list[Decision] = []
-    if part is None:
+    match: tuple[str, str] | None = None
+    held = arrays.inertial(path)
+    if part is None and not (held is not None and held.by_name):
         match = tables.imu_columns(path)
         if match is None and (match := tables.fix_columns(path)) is not None:
             part = "gnss"
@@ -62,12 +63,18 @@ def table_hints(path: Path, section: str, part: str | None) -> tuple[dict[str, A
             return None, []
         entry["columns"] = match[0]
         decisions.append(Decision(f"{section}.columns", match[0], match[1]))
+        if held is not None and held.factors is not None:
+            entry["scale"] = held.factors
+            decisions.append(Decision(f"{section}.scale", held.factors, "as many numbers as the counts have columns"))
     if part not in (None, "imu"):
         names = _layout(path, None)[0] if "columns" not in entry else []
         if (at := tables.clock_column(path, names)) is not None:
             entry["columns"] = _with_clock(names, at)  # as of its IMU
         of_clock, more = _clock(path, section, entry.get("columns"))
         entry, decisions = entry | of_clock, decisions + more
+        if match is not None and "time" not in entry and (week := tables.gps_week(path)) is not None:
+            entry["time"] = f"gps-tow:{week[1]}"
+            decisions.append(Decision(f"{section}.time", entry["time"], f"column {week[0]} holds weeks of GPS"))
         if part == "gnss" and (scale := _whole_units(path)):
             entry["scale"] = scale
             why = "whole numbers beyond 180: u-blox's units, 1e-7 deg, mm, mm/s and 1e-5 deg"
@@ -81,8 +88,8 @@ def table_hints(path: Path, section: str, part: str | None) -> tuple[dict[str, A
             ({}, []) if section.endswith("reference") else accuracy_hints(path, section, part, entry.get("columns"))
         )
         return entry | accuracy, decisions + more
-    names, stated = _layout(path, entry.get("columns")) if path.suffix.lower() not in _ARRAYS else (
-        str(entry["columns"]).split(","), set()
+    names, stated = _layout(path, entry.get("columns")) if held is None else (
+        [*columns.ACCEL, *columns.GYRO] if held.by_name else str(entry["columns"]).split(","), set()
     )  # fmt: skip
     if (at := tables.clock_column(path, names)) is not None:
         entry["columns"] = _with_clock(names, at)
@@ -293,7 +300,7 @@ def _layout(path: Path, given: str | None) -> tuple[list[str], set[str]]:
 def is_plain(path: Path) -> bool:
     """Whether a file is a table of text that no format claims."""
     head = head_of(path)
-    if not head or b"\x00" in head or head.startswith(b"PAR1") or path.suffix.lower() in _ARRAYS:
+    if not head or b"\x00" in head or head.startswith(b"PAR1"):
         return False
     if registry.find(head, path) is not None or rtklib.looks_like_pos(head) or path.suffix.lower() == ".pos":
         return False

@@ -15,6 +15,7 @@ from schuler.exceptions import SchulerError
 from schuler.proposal import arrays
 from schuler.recording.io import columns, dates, header_words, lines, text_head
 from schuler.recording.io.hints import ReadHints
+from schuler.timebase import WEEK_S
 from schuler.units import G0, factor_for
 
 _ROWS = 20_000  # rows that are looked at
@@ -38,6 +39,7 @@ _COUNTED = 0.99  # share of steps of one that make a counter of rows, which may 
 _SAME_RATE = 0.01  # share by which clocks of one table may run apart
 _RISING = 0.9  # share of rows of fixes that come later than the one before
 _UNIX_S = (1e9, 2.1e9)  # the years 2001 to 2036
+_WEEKS = (1100, 2950)  # of GPS, the same years
 
 
 def imu_columns(path: Path) -> tuple[str, str] | None:
@@ -93,8 +95,9 @@ def imu_columns(path: Path) -> tuple[str, str] | None:
         for axis, k in zip("xyz", trio, strict=True):
             names[k] = f"{stem}{axis}"
     evidence = (
-        f"columns {accel[0] + 1} to {accel[2] + 1} have a constant norm as gravity has (spread "
-        f"{100.0 * spread[accel]:.2g} %), columns {gyro[0] + 1} to {gyro[2] + 1} have none"
+        f"the norm of columns {accel[0] + 1} to {accel[2] + 1} stays near gravity's (spread "
+        f"{100.0 * spread[accel]:.2g} %), that of columns {gyro[0] + 1} to {gyro[2] + 1} does not "
+        f"({100.0 * spread[gyro]:.2g} %)"
     )
     return ",".join(names), evidence
 
@@ -122,6 +125,8 @@ def fix_columns(path: Path) -> tuple[str, str] | None:
     places = [k for k in range(values.shape[1] - 2) if _is_path(values[:, k : k + 3])]
     of_place = [k + axis for k in places for axis in range(3)]  # which may increase as steadily as a clock
     clock = [k for k in range(values.shape[1]) if k not in of_place and _is_clock(values[:, k])]
+    if not clock and (week := gps_week(path)) is not None:  # once a second it counts like a counter of rows
+        clock = [week[0]]
     if len(clock) != 1 or len(places) != 1:
         return None
     names = ["-"] * values.shape[1]
@@ -129,6 +134,34 @@ def fix_columns(path: Path) -> tuple[str, str] | None:
     names[places[0] : places[0] + 3] = ["lat", "lon", "h"]
     k = places[0] + 1
     return ",".join(names), f"columns {k} to {k + 2} go on as latitude, longitude and height of a path do"
+
+
+def gps_week(path: Path) -> tuple[int, int] | None:
+    """Column of the seconds of a GPS week behind a column of that week, and the week of the first row.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    (int, int) or None
+        None unless one column holds whole numbers of weeks since 2001 and the next one seconds that increase.
+    """
+    values = _numbers(path)
+    if values is None or len(values) < _BLOCK:
+        return None
+    for k in range(values.shape[1] - 1):
+        week, second = values[:, k], values[:, k + 1]
+        if (
+            (week == np.round(week)).all()
+            and (np.diff(week) >= 0.0).all()
+            and _WEEKS[0] < week[0] <= week[-1] < _WEEKS[1]
+        ):
+            total = (week - week[0]) * WEEK_S + second
+            if second.min() >= 0.0 and second.max() <= WEEK_S and (np.diff(total) > 0.0).mean() > _RISING:
+                return k + 1, int(week[0])
+    return None
 
 
 def _is_path(x: FloatArray) -> bool:
@@ -327,6 +360,13 @@ def half_columns(path: Path, half: str) -> tuple[str | None, str]:
     triad, other = (columns.ACCEL, columns.GYRO) if half == "accel" else (columns.GYRO, columns.ACCEL)
     if set(triad) <= set(read) and not set(other) & set(read) and "lat" not in read:
         return None, f"its header names {', '.join(triad)}"
+    if opening.header is None:
+        called = [name for name, pattern in _CALLED.items() if pattern.search(path.stem)]
+        values = _numbers(path) if called == [half] and len(opening.fields) == 4 else None
+        if values is None or len(values) < _BLOCK or not _is_clock(values[:, 0]):
+            return None, ""
+        feels = _is_gravity(values[:, 1:])
+        return (",".join(("t", *triad)), "it is called so") if feels == (half == "accel") else (None, "")
     bare = [re.sub(r"[^a-z].*", "", field.lower()) for field in fields]
     if "t" not in read or not {"x", "y", "z"} <= set(bare):
         return None, ""
@@ -354,9 +394,8 @@ def half_columns(path: Path, half: str) -> tuple[str | None, str]:
 
 def _numbers(path: Path, needed: Sequence[int] | None = None) -> FloatArray | None:
     """First rows of a text table or an array in which all columns are numbers, or those needed; None if it is none."""
-    if path.suffix.lower() in (".npy", ".npz", ".mat"):
-        whole = arrays.array(path)
-        return None if whole is None else whole[:_ROWS]
+    if (whole := arrays.array(path)) is not None:
+        return whole[:_ROWS]
     state = path.stat()
     rows = _first_rows(path, state.st_mtime_ns, state.st_size)
     if rows is None:

@@ -29,7 +29,9 @@ from schuler.recording.recording import Recording
 
 #: An array, a text, or a structure as a dictionary of these.
 Value = Any
-_HEADER, _MATRIX, _COMPRESSED = 128, 14, 15
+#: Bytes before the first variable.
+HEADER = 128
+_MATRIX, _COMPRESSED = 14, 15
 _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
 _OLD = {0: "f8", 1: "f4", 2: "i4", 3: "i2", 4: "u2", 5: "u1"}
@@ -63,10 +65,15 @@ def read_matlab(path: Path, hints: ReadHints) -> Recording:
         head = stream.read(128)
     if head.startswith(b"MATLAB 7.3"):
         raise FileFormatError("MATLAB 7.3 files (HDF5) are not read: save it with save('name.mat', ..., '-v7')", path)
+    return recording_of_arrays(path, read_arrays(path), hints, [])
+
+
+def read_arrays(path: Path) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
+    """Arrays of a file by name, those inside structures as ``outer.inner``; errors as of :func:`load`."""
     arrays: dict[str, np.ndarray[Any, np.dtype[Any]]] = {}
     for name, value in load(path).items():
         _collect(name, value, arrays)
-    return recording_of_arrays(path, arrays, hints, [])
+    return arrays
 
 
 def _collect(name: str, value: Any, arrays: dict[str, np.ndarray[Any, np.dtype[Any]]]) -> None:
@@ -99,14 +106,14 @@ def load(path: Path, names: Collection[str] | None = None) -> dict[str, Value]:
             data = memoryview(b"" if empty else mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ))
     except OSError as error:
         raise FileFormatError(f"cannot be opened ({error.strerror})", path) from error
-    head = bytes(data[:_HEADER])
+    head = bytes(data[:HEADER])
     if head.startswith(b"MATLAB 7.3"):
         raise FileFormatError("is a MATLAB 7.3 file (HDF5) where an older one is expected: save it with '-v7'", path)
     five = head.startswith(b"MATLAB 5.0") or head[124:] in (b"\x00\x01IM", b"\x01\x00MI")
     values: dict[str, Value] = {}
     held = 0
-    at = _HEADER if five else 0
-    if five and len(data) < _HEADER:
+    at = HEADER if five else 0
+    if five and len(data) < HEADER:
         raise FileFormatError("cannot be read as a MATLAB file (a header of 128 bytes is cut off)", path)
     order = ">" if five and head[126:] == b"MI" else "<"
     try:
@@ -297,11 +304,11 @@ def variables(path: Path) -> dict[str, Variable]:
     try:
         size = path.stat().st_size
         with path.open("rb") as stream:
-            header = stream.read(_HEADER)
-            if len(header) < _HEADER or not header.startswith(b"MATLAB 5.0") or header[126:] not in (b"IM", b"MI"):
+            header = stream.read(HEADER)
+            if len(header) < HEADER or not header.startswith(b"MATLAB 5.0") or header[126:] not in (b"IM", b"MI"):
                 return {}
             order = "<" if header[126:] == b"IM" else ">"
-            at = _HEADER
+            at = HEADER
             while at + 8 <= size and len(by_name) < _MOST:
                 stream.seek(at)
                 kind, n = struct.unpack(f"{order}II", stream.read(8))

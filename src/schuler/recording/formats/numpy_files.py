@@ -64,8 +64,23 @@ def read_array(path: Path) -> _Array:
     FileFormatError
         If it cannot be read.
     """
+    return read_arrays(path)["array"]
+
+
+def read_arrays(path: Path) -> dict[str, _Array]:
+    """Arrays of a ``.npy`` (then called ``array``) or ``.npz`` file by name.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    FileFormatError
+        If it cannot be read.
+    """
     try:
-        return _load(path)["array"]
+        return _load(path)
     except Exception as error:
         raise FileFormatError(f"cannot be read as a NumPy file ({error})", path) from error
 

@@ -266,7 +266,7 @@ def _without_time(
     if len(parts_of) > 1:
         notes.append(
             f"imu: {name} has no time and cannot be related to the rest of the log; it was left out (series='imu' with "
-            "rate=.. reads it alone; log binary packets with TimeGps for both)."
+            "rate=100, or whatever it is, reads it alone; log binary packets with TimeGps for both)."
         )
         rest = {part: entry for part, entry in parts_of.items() if part != "imu"}
         tables, first = _timed_tables(log, rest, "", hints, notes, local=False)
@@ -274,7 +274,7 @@ def _without_time(
             raise FileFormatError("nothing of the log can be read but an IMU without time: say series='imu'", log.path)
         return parts.assemble(log.path, tables, hints, base_of(first), notes)
     if hints.rate is None:
-        raise InputError(f"{log.path}: {name} lines have no time: say rate=.. [Hz], the sensor's output rate")
+        raise InputError(f"{log.path}: {name} lines have no time: say its rate, such as rate=100 [Hz]")
     n = len(next(iter(rows.values())))
     notes.append(f"imu: {name} has no time; stamps are counted at {hints.rate:g} Hz from 0 s, lost lines are not seen.")
     tables = {"imu": imu_table(np.arange(n) / hints.rate, rows, "", notes)}

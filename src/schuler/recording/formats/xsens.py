@@ -175,8 +175,8 @@ def _times(path: Path, rows: dict[str, FloatArray], hints: ReadHints, notes: lis
         return unwrapped(rows["t"], 2.0**32 * TICK)
     if "counter" not in rows or hints.rate is None:
         raise InputError(
-            f"{path}: the packets have no SampleTimeFine: log it, or say rate=.. [Hz] (with PacketCounter, which is "
-            f"{'there' if 'counter' in rows else 'not there either'})"
+            f"{path}: the packets have no SampleTimeFine: log it, or say the rate, such as rate=100 [Hz] (with "
+            f"PacketCounter, which is {'there' if 'counter' in rows else 'not there either'})"
         )
     notes.append(f"Stamps are the packet counter at {hints.rate:g} Hz.")
     count = unwrapped(rows["counter"], 65536.0)
@@ -295,7 +295,7 @@ def read_text_export(path: Path, hints: ReadHints) -> Recording:
             t = ticks * _TICK
             notes.append("Stamps are SampleTimeFine, the sensor's own clock in units of 0.1 ms.")
     elif rate is None:
-        raise InputError(f"{path}: SampleTimeFine is not exported and the header has no rate: say rate=.. [Hz]")
+        raise InputError(f"{path}: SampleTimeFine is not exported, and no header has the rate: say it, as rate=100 [Hz]")
     else:
         count = unwrapped(values[:, 0], 65536.0)
         t = (count - count[0]) / rate

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ Arrays = Mapping[str, np.ndarray[Any, np.dtype[Any]]]
 
 _ACCEL_NAMES = ("accel", "acc", "accelerometer", "specific_force", "f", "fb", "f_b", "f_ib_b")
 _GYRO_NAMES = ("gyro", "gyr", "gyroscope", "omega", "w", "wb", "w_b", "omega_ib_b", "angular_rate", "angular_velocity")
+_SPELLINGS = {"accel": _ACCEL_NAMES, "gyro": _GYRO_NAMES}
 _TIME_NAMES = ("t", "ts", "time", "timestamp", "timestamps", "stamp")
 _BOTH_ORDERS = "columns='ax,ay,az,gx,gy,gz' or columns='gx,gy,gz,ax,ay,az,t'"
 
@@ -163,12 +164,15 @@ def _recognise(path: Path, arrays: Arrays, hints: ReadHints, values: dict[str, F
             f"columns='ax,ay,az' (specific force); {_listing(arrays)}",
             path,
         )
-    for triad, spellings in (("accel", _ACCEL_NAMES), ("gyro", _GYRO_NAMES)):
-        fitting = [n for n, a in arrays.items() if _last(n) in spellings and a.ndim == 2 and 3 in a.shape]
+    for triad, spellings in _SPELLINGS.items():
+        fitting = _called(arrays, spellings)
         if len(fitting) != 1:
-            what = "nothing" if not fitting else f"any of {', '.join(fitting)}"
+            what = (
+                f"no array of three columns is called {triad}" if not fitting
+                else f"{triad} may be any of {', '.join(fitting)}"
+            )  # fmt: skip
             raise FileFormatError(
-                f"{triad} may be {what}: say columns='t=...,accel=...,gyro=...' with the names of arrays, or "
+                f"{what}: say columns='t=...,accel=...,gyro=...' with the names of arrays, or "
                 f"variable='...' and {_BOTH_ORDERS}; {_listing(arrays)}",
                 path,
             )
@@ -176,6 +180,20 @@ def _recognise(path: Path, arrays: Arrays, hints: ReadHints, values: dict[str, F
         array = np.asarray(arrays[fitting[0]], dtype=np.float64)
         values |= dict(zip(names, _triad(path, fitting[0], array).T.copy(), strict=True))
         notes.append(f"{triad} was taken from the array {fitting[0]}.")
+
+
+def triads_by_name(arrays: Arrays) -> tuple[FloatArray, FloatArray] | None:
+    """Specific force and angular rate by the names of their arrays, None unless there is one of each. Shapes (n, 3)."""
+    called = [_called(arrays, spellings) for spellings in _SPELLINGS.values()]
+    if any(len(names) != 1 or arrays[names[0]].shape == (3, 3) for names in called):
+        return None
+    accel, gyro = (np.asarray(arrays[name], dtype=np.float64) for [name] in called)
+    return (accel if accel.shape[1] == 3 else accel.T), (gyro if gyro.shape[1] == 3 else gyro.T)
+
+
+def _called(arrays: Arrays, spellings: Sequence[str]) -> list[str]:
+    """Names of the arrays of three columns that are spelled so."""
+    return [n for n, a in arrays.items() if _last(n) in spellings and a.ndim == 2 and 3 in a.shape]
 
 
 def _find_time(arrays: Arrays, values: dict[str, FloatArray], notes: list[str]) -> None:

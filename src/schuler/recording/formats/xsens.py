@@ -295,7 +295,7 @@ def read_text_export(path: Path, hints: ReadHints) -> Recording:
             t = ticks * _TICK
             notes.append("Stamps are SampleTimeFine, the sensor's own clock in units of 0.1 ms.")
     elif rate is None:
-        raise InputError(f"{path}: SampleTimeFine is not exported, and no header has the rate: say it, as rate=100 [Hz]")
+        raise InputError(f"{path}: SampleTimeFine is not exported and the header has no rate: say it, as rate=100 [Hz]")
     else:
         count = unwrapped(values[:, 0], 65536.0)
         t = (count - count[0]) / rate

@@ -20,8 +20,14 @@ from schuler.recording.recording import Recording
 
 Arrays = Mapping[str, np.ndarray[Any, np.dtype[Any]]]
 
-_ACCEL_NAMES = ("accel", "acc", "accelerometer", "specific_force", "f", "fb", "f_b", "f_ib_b")
-_GYRO_NAMES = ("gyro", "gyr", "gyroscope", "omega", "w", "wb", "w_b", "omega_ib_b", "angular_rate", "angular_velocity")
+_ACCEL_NAMES = (
+    "accel", "accels", "acc", "accelerometer", "acceleration", "linear_acceleration", "acc_data", "accel_data", "imu_acc",
+    "specific_force", "f", "fb", "f_b", "f_ib_b",
+)  # fmt: skip
+_GYRO_NAMES = (
+    "gyro", "gyros", "gyr", "gyroscope", "gyr_data", "gyro_data", "imu_gyr", "omega", "w", "wb", "w_b", "omega_ib_b",
+    "angular_rate", "angular_velocity", "angularvelocity",
+)  # fmt: skip
 _SPELLINGS = {"accel": _ACCEL_NAMES, "gyro": _GYRO_NAMES}
 _TIME_NAMES = ("t", "ts", "time", "timestamp", "timestamps", "stamp")
 _BOTH_ORDERS = "columns='ax,ay,az,gx,gy,gz' or columns='gx,gy,gz,ax,ay,az,t'"

@@ -158,8 +158,7 @@ def gps_week(path: Path) -> tuple[int, int] | None:
             and (np.diff(week) >= 0.0).all()
             and _WEEKS[0] < week[0] <= week[-1] < _WEEKS[1]
         ):
-            total = (week - week[0]) * WEEK_S + second
-            if second.min() >= 0.0 and second.max() <= WEEK_S and (np.diff(total) > 0.0).mean() > _RISING:
+            if second.min() >= 0.0 and second.max() <= WEEK_S and (np.diff(second) > 0.0).mean() > _RISING:
                 return k + 1, int(week[0])
     return None
 

@@ -153,13 +153,10 @@ def gps_week(path: Path) -> tuple[int, int] | None:
         return None
     for k in range(values.shape[1] - 1):
         week, second = values[:, k], values[:, k + 1]
-        if (
-            (week == np.round(week)).all()
-            and (np.diff(week) >= 0.0).all()
-            and _WEEKS[0] < week[0] <= week[-1] < _WEEKS[1]
-        ):
-            if second.min() >= 0.0 and second.max() <= WEEK_S and (np.diff(second) > 0.0).mean() > _RISING:
-                return k + 1, int(week[0])
+        weeks = (week == np.round(week)).all() and _WEEKS[0] < week.min() <= week.max() < _WEEKS[1]
+        seconds = second.min() >= 0.0 and second.max() <= WEEK_S and (np.diff(second) > 0.0).mean() > _RISING
+        if weeks and seconds:
+            return k + 1, int(week[0])
     return None
 
 

@@ -21,8 +21,8 @@ from schuler.recording.recording import Recording
 Arrays = Mapping[str, np.ndarray[Any, np.dtype[Any]]]
 
 _ACCEL_NAMES = (
-    "accel", "accels", "acc", "accelerometer", "acceleration", "linear_acceleration", "acc_data", "accel_data", "imu_acc",
-    "specific_force", "f", "fb", "f_b", "f_ib_b",
+    "accel", "accels", "acc", "accelerometer", "acceleration", "linear_acceleration", "acc_data", "accel_data",
+    "imu_acc", "specific_force", "f", "fb", "f_b", "f_ib_b",
 )  # fmt: skip
 _GYRO_NAMES = (
     "gyro", "gyros", "gyr", "gyroscope", "gyr_data", "gyro_data", "imu_gyr", "omega", "w", "wb", "w_b", "omega_ib_b",

@@ -23,12 +23,14 @@ def mission():
     return prepare_mission(data)
 
 
-def drive(mission, seed: int) -> Recording:
-    """From 20 s on satellites below 50 deg are late for 5 to 20 s, then not for 25 s, in the mean; higher ones 175 s.
+def drive(mission, seed: int, noise: int | None = None) -> Recording:
+    """A drive with the reflections of ``seed``, and its noise unless that of another seed is asked for.
+
+    From 20 s on satellites below 50 deg are late for 5 to 20 s, then not for 25 s, in the mean; higher ones 175 s.
 
     A reflection's detour is constant, and exponentially distributed with a mean of 27 m. Range rates have none of it.
     """
-    log = simulate_mission(mission, np.random.default_rng(seed)).recording
+    log = simulate_mission(mission, np.random.default_rng(seed if noise is None else noise)).recording
     r, rng = log.ranges, np.random.default_rng(10_000 + seed)
     late = np.zeros(len(r))
     for sat in np.unique(r.sat):
@@ -56,8 +58,19 @@ def horizontal_rms(log: Recording, *, integrity: bool) -> float:
 @pytest.mark.campaign
 @pytest.mark.parametrize("seed", [7, 14, 22])
 def test_fault_detection_is_the_better_choice(mission, seed):
-    """The three of forty seeds in which it is worth least: 0.56, 0.71, 0.66 m; without 1.12, 0.88, 0.65 m."""
+    """0.60, 0.53, 0.60 m; without 1.48, 1.00, 0.72 m; untuned 0.56, 0.71, 0.66 and 1.12, 0.88, 0.65."""
     log = drive(mission, seed)
     with_it, without = (horizontal_rms(log, integrity=on) for on in (True, False))
     assert with_it < 0.8
-    assert with_it < 1.05 * without  # seed 22: a tie
+    assert with_it < without
+
+
+@pytest.mark.campaign
+def test_fault_detection_is_better_where_one_drive_says_otherwise(mission):
+    """Reflections of the two seeds of forty that are worse for it (by 0.26 and 0.24 m), with four other noises each.
+
+    One drive's difference scatters by 0.3 m whatever the reflections; these eight are better by 0.12 +- 0.03 m.
+    """
+    runs = [drive(mission, seed, noise) for seed in (15, 21) for noise in range(5000, 5004)]
+    less = np.array([horizontal_rms(log, integrity=False) - horizontal_rms(log, integrity=True) for log in runs])
+    assert less.mean() > 2.0 * less.std(ddof=1) / np.sqrt(len(less)), less

@@ -136,6 +136,7 @@ def test_differences_are_followed_to_the_pair_of_the_clocks(tmp_path):
         line("G01", "C1C", -4.0, "DSB", against="C5Q"), line("G02", "C1C", -1.5, "DSB", against="C1W"),
         line("E11", "C1C", 3.0, "DSB", against="C5Q"), line("E11", "C5Q", 2.0, "DSB", against="C7Q"),
         line("E11", "C1C", 5.6, "DSB", against="C7Q"), line("E12", "C1X", 3.0, "DSB", against="C7X"),
+        line("G01", "C1W", 9.0, "DSB", against="C1C"),  # the first one counts, either way round
     ]  # fmt: skip
     table = read(tmp_path, bias_text(rows))
     sat = np.array([1, 1, 1, 1, 2, 211, 211, 212])
@@ -255,6 +256,12 @@ def test_a_month_of_code(tmp_path):
     got = relative_biases_at(table, np.ones(3, dtype=int), np.full(3, "1C"), t)
     np.testing.assert_allclose(1e9 * got.to_band[:, 1], [np.nan, 0.811, np.nan])
     assert np.isnan(got.to_clock).all()
+    (tmp_path / "b.dcb").write_text(code_text("P1-C1", [("G01", 2.0)], "YEAR 2021, MONTH 02"))
+    two = table.merged_with(read_code_differences(tmp_path / "b.dcb"))  # nothing in January
+    got = relative_biases_at(
+        two, np.ones(3, dtype=int), np.full(3, "1C"), table.begin[0] + 86_400.0 * np.array([9, 45, 70])
+    )
+    np.testing.assert_allclose(1e9 * got.to_band[:, 1], [0.811, np.nan, -2.0])
 
 
 @pytest.mark.parametrize(

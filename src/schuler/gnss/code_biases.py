@@ -133,10 +133,11 @@ def relative_biases_at(
         part = np.minimum(np.searchsorted(edges, gps_s[at], side="right") - 1, len(edges) - 2)
         for k in np.unique(part):
             now = rows[(biases.begin[rows] <= edges[k]) & (biases.end[rows] >= edges[k + 1])]
-            differences = {
-                (biases.signal[i], biases.against[i]): float(biases.bias[i])
-                for i in now[::-1]  # the first one counts
-            }
+            differences = dict[tuple[str, str], float]()
+            for i in now:  # the first one counts, either way round
+                first, second = biases.signal[i], biases.against[i]
+                if (second, first) not in differences:
+                    differences.setdefault((first, second), float(biases.bias[i]))
             _put(out, at[part == k], signal, SYSTEMS[one // 100], _connected(differences), biases.pairs)
     return out
 

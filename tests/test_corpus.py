@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from benchmarks.corpus.cases import CASES
 from benchmarks.corpus.judgement import (
     Errors,
     Judge,
+    antenna_covariance,
     consistency,
     horizontal_errors,
     independent,
@@ -22,6 +24,7 @@ from benchmarks.corpus.judgement import (
 )
 from places import ROOT, module
 
+from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.navigation.run import navigate
 
 tn = module("navigation/test_navigate.py")
@@ -192,6 +195,31 @@ def test_errors_are_of_the_antenna(drive):
     np.testing.assert_allclose(np.sqrt(np.diag(a.claim[at])), result.sigma("dr")[-1, :2], rtol=0.05)
     k = np.isin(a.t, b.t)
     assert np.abs(a.error[k] - b.error[np.isin(b.t, a.t)]).max() < 0.06  # attitude errors at a lever of 1.2 m
+
+
+class _Layout(dict):
+    size = 16
+
+
+@pytest.mark.parametrize("left", [1.0, 0.25, 1e-12])
+def test_a_claim_at_the_offset_of_the_end(left):
+    """Of constants the last estimate of an offset errs by ``left`` of the variance that it has at a record."""
+    rng = np.random.default_rng(4)
+    A = rng.standard_normal((16, 16))
+    P = A @ A.T
+    last = P.copy()
+    last[15] *= left
+    last[:15, 15] *= left
+    llh, v = np.array([0.8, 0.1, 300.0]), np.array([12.0, -3.0, 0.5])
+    T = ecef_from_ned_states(llh[None], 16)[0]
+    result = SimpleNamespace(
+        layout=_Layout(delay=slice(15, 16)),
+        states=SimpleNamespace(llh=np.tile(llh, (2, 1)), v_eb_n=np.tile(v, (2, 1))),
+        filter_covariance_e=lambda: np.stack([T @ X @ T.T for X in (P, last)]),
+    )
+    c, d = P[6:9, 15] / P[15, 15], left * P[15, 15]
+    expected = P[6:9, 6:9] + d * (np.outer(c, v) + np.outer(v, c) + np.outer(v, v))
+    np.testing.assert_allclose(antenna_covariance(result)[0], expected, rtol=1e-9, atol=1e-9)  # rounding
 
 
 def test_a_peer_that_is_not_installed_is_said(monkeypatch, capsys):

@@ -97,7 +97,8 @@ def antenna_covariance(result: NavigationResult) -> FloatArray:
     """Covariance of the antenna's position at the records, north, east, down. Shape (k, 3, 3) [m^2]
 
     With a lever arm or time offset that is estimated the antenna at a fix is better known than the IMU:
-    ``dr + dpsi x l + C_nb dl + v dt``.
+    ``dr + dpsi x l + C_nb dl + v dt``. The path is compared at the offset of the end, not of the moment: what is left
+    of ``dt`` by then goes with the error ``x`` of the moment as far as ``P_x,dt / P_dt,dt`` says.
     """
     T = ecef_from_ned_states(result.states.llh, result.layout.size)
     P = np.swapaxes(T, 1, 2) @ result.filter_covariance_e() @ T  # fixes place the antenna, whatever the attitude is
@@ -109,7 +110,12 @@ def antenna_covariance(result: NavigationResult) -> FloatArray:
         H[:, :, :3] = -skew(l_n)
         H[:, :, result.layout["lever"]] = C
     if "delay" in result.layout:
-        H[:, :, result.layout["delay"]] = result.states.v_eb_n[:, :, None]
+        k = result.layout["delay"].start
+        at_end = float(P[-1, k, k])
+        g = P[:, :, k] / np.maximum(P[:, k, k, None], 1e-300)  # of all errors by the offset's; its own is 1
+        P = P.copy()
+        P[:, :, k], P[:, k, :] = at_end * g, at_end * g
+        H[:, :, k] = result.states.v_eb_n
     return np.asarray(H @ P @ np.swapaxes(H, 1, 2))
 
 

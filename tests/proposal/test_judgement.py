@@ -5,10 +5,11 @@ import pytest
 from diagnosis_drives import drive
 
 from schuler import units
+from schuler.diagnosis.result import Diagnosis
 from schuler.exceptions import InputError
 from schuler.proposal.imu_model import imu_entries
 from schuler.proposal.judgement import Judgement
-from schuler.proposal.setup import has, nested
+from schuler.proposal.setup import has, nested, trials
 from schuler.recording.series import ImuSeries
 from schuler.standstill.unscaled import unscaled_rests
 
@@ -64,6 +65,23 @@ def test_the_imu_is_the_one_named_first_by_the_user_then_by_the_header():
     assert imu_entries(None, imu, None, ["board with MPU-9150, firmware 2"])[0] == {"catalogue": "MPU-9150"}
     with pytest.raises(InputError, match="did you mean"):
         imu_entries("MPU-600", imu, None, [])
+
+
+def test_a_grade_stays_one_and_a_set_of_a_thesis_is_taken_by_its_own_name():
+    """A grade says that the part is not known, so that biases typical of it are taken; a simulation has none."""
+    imu = drive(duration=20.0).imu
+    assert imu_entries("Consumer", imu, None, [])[0] == {"catalogue": "consumer"}
+    assert imu_entries("Flenniken_consumer", imu, None, [])[0] == {"catalogue": "flenniken-consumer"}
+
+
+@pytest.mark.parametrize(("mount", "least"), [(None, 2.0), ([0.0, 0.0, 0.5], -1.0)])
+def test_wheels_need_fixes_that_bear_them_out_unless_the_motion_shows_which_axis_points_forward(mount, least):
+    estimates = {"explained_by_imu": [0.99, 0.2, 0.9]}
+    if mount is not None:
+        estimates |= {"mount_deg": mount, "mount_sigma_deg": [1.0, 1.0, 1.0]}
+    [wheels] = trials(drive(duration=20.0), Diagnosis("drive", estimates=estimates))
+    assert wheels[0] == {"aiding.non_holonomic": {}}
+    assert wheels[2] == least
 
 
 def test_names_with_dots_are_nested_entries():

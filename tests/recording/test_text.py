@@ -279,6 +279,17 @@ def test_a_wrong_unit_of_time_shows_in_the_interval(table, still):
         read(table(still), columns=SI["columns"], units="m/s^2,rad/s,ns")
 
 
+@pytest.mark.parametrize("first", [-0.03, 1.2e6])
+def test_a_counter_from_anywhere_is_a_time_of_week_by_its_offset(table, still, first):
+    """Of a device that is on for weeks, or that began a moment before the others; still refused where it stays one."""
+    still[:, 0] += first - still[0, 0]
+    r = read(table(still), **SI, time="gps-tow:2374", offset=1000.0 - first)
+    assert r.imu.t[0] == pytest.approx(1000.0, abs=1e-6)  # rounding of seconds of the counter
+    assert not any("starts again" in note for note in r.metadata.notes)
+    with pytest.raises(FileFormatError, match="is not within 0"):
+        read(table(still), **SI, time="gps-tow:2374", offset=-2e6)
+
+
 def test_an_offset_is_added_and_noted(table, still):
     r = read(table(still), **SI, offset=-0.125)
     np.testing.assert_allclose(r.imu.t, still[:, 0] - 0.125, atol=1e-15)  # rounding

@@ -20,15 +20,16 @@ from schuler.exceptions import InputError, SchulerError
 from schuler.navigation.config import NavigationConfig
 from schuler.plotting.notebook import Displayed
 from schuler.proposal import cures, setup
+from schuler.proposal.axes import borne_out, likely_axes_by_trial, upright_axes
 from schuler.proposal.clock import SHIFT, SIGMA, uncertainty_of_shift
 from schuler.proposal.damage import leave_out_garbled
 from schuler.proposal.decision import Decision, UndecidedError, option
 from schuler.proposal.files import SOMEWHERE, Files, files_of, hints_of
 from schuler.proposal.hints import UNTIL, is_plain, rates_by_name
 from schuler.proposal.imu_model import imu_entries
-from schuler.proposal.judgement import judged
+from schuler.proposal.reading import heads, read_files, takes
 from schuler.proposal.toml import comment, section_lines
-from schuler.recording.io import dispatch, packed, plain_text
+from schuler.recording.io import dispatch, packed
 from schuler.recording.part import cut
 from schuler.recording.recording import Recording
 from schuler.standstill.unscaled import unscaled_rests
@@ -36,11 +37,8 @@ from schuler.toml import merged
 from schuler.units import DEG
 
 _ROUNDS = 8  # of cures; each judges the log anew
-_HEAD = 2000  # characters of a file in which its IMU may be named
 _WITH_SCALES = 33  # states, those of scale factors and misalignments among them
 _GIVEN = "as said"
-_AXES = ("axes", "handedness")  # findings that withheld fixes judge
-_BORNE_OUT = 3.0  # standard errors of the mean logarithm of a ratio of errors
 _REFUSED = ("refused", "unreadable", "missing", "duplicates", "backward_times")  # findings on rows, among others
 
 
@@ -152,7 +150,7 @@ def propose(
     stated = hints_of(listed, fixed.get("recording", {}))
     files = files_of(listed, stated)
     diagnosis = _cured(files, stated)
-    recording = cut(_read(files), *part)
+    recording = cut(read_files(files), *part)
     if recording.gnss is None and recording.ranges is None and recording.observations is None and not _starts(fixed):
         raise _without_fixes(files, recording)
     data: dict[str, Any] = {"recording": files.entries} if files.entries else {}
@@ -167,7 +165,7 @@ def propose(
     ]
     if not any(name in data.get("imu", {}) for name in ("catalogue", "spec", "gyro")):
         rests = unscaled_rests(recording.need_imu().rates())
-        entries, why = imu_entries(imu, recording.need_imu(), rests, _heads(files))
+        entries, why = imu_entries(imu, recording.need_imu(), rests, heads(files))
         data = merged(data, {"imu": entries})
         decisions.append(why)
     for d in setup.certain(recording, diagnosis):
@@ -241,7 +239,7 @@ def _cured(files: Files, given: Mapping[str, Any]) -> Diagnosis:
         refused = any(f.code in _REFUSED for f in diagnosis.findings)
         if (refused and leave_out_garbled(files, given)) or _step(files, diagnosis.findings, given):
             continue
-        if not _likely_axes_by_trial(files, diagnosis, given):
+        if not likely_axes_by_trial(files, diagnosis, given) and not upright_axes(files, diagnosis, given):
             break
     if question := _question(files, diagnosis):
         raise question
@@ -285,6 +283,12 @@ def _rate_unit(files: Files, diagnosis: Diagnosis, given: Mapping[str, Any]) -> 
         files.decisions = [d for d in files.decisions if d.entry != label]
         files.decisions.append(Decision(label, words[left[0]][label], why))
         return
+    if best := borne_out(files, words):
+        for at, value in words[best[0]].items():
+            files.put("imu", {at.rpartition(".")[2]: value})
+            files.decisions = [d for d in files.decisions if d.entry != at]
+            files.decisions.append(Decision(at, value, f"no header states the unit of angular rate; {best[1]}"))
+        return
     raise UndecidedError(
         f"{files.log}: no header states the unit of angular rate, and no turn beside fixes or between rests tells it"
         + (f" ({why})" if why else ""),
@@ -316,41 +320,6 @@ def _step(files: Files, findings: Sequence[Finding], given: Mapping[str, Any]) -
             done = True
         if done:
             return True
-    return False
-
-
-def _likely_axes_by_trial(files: Files, diagnosis: Diagnosis, given: Mapping[str, Any]) -> bool:
-    """Axes that are likely, but not sure, are taken where fixes bear them out; whether the hints were changed.
-
-    The log is navigated with the axes and without, and withheld fixes judge. Where they are not predicted better beyond
-    doubt, it stays as it was read, with a note: positions do not care what a turned body calls its axes. Where the log
-    cannot be navigated, the question stays.
-    """
-    for f in diagnosis.findings:
-        entry = files.entry(f.part)
-        if f.code not in _AXES or f.severity == "note" or f.confidence >= cures.SURE or entry is None:
-            continue
-        new = cures.proposed(f, entry)
-        stated = given.get(f.part, {}) if files.by_part else given
-        words = {at: value for name, value in (new or {}).items() for at in files.names_of(f.part, name)}
-        tried_before = any(d.entry in words for d in files.decisions)
-        if not new or any(name in stated for name in new) or tried_before or not _takes(files, words):
-            continue
-        as_read, other = _read(files), _read_with(files, words)
-        imu = {"imu": imu_entries(None, as_read.need_imu(), None, _heads(files))[0]}
-        without, with_them = judged(as_read, imu), judged(other, imu)
-        if without is None or with_them is None:
-            continue
-        numbers = (
-            f"{with_them.median:.2g} m with it, {without.median:.2g} m without, after {without.length_s:.2g} s "
-            "without fixes"
-        )
-        likely = f"{f.text} ({100.0 * f.confidence:.0f} % likely)"
-        if with_them.better_than(without, _BORNE_OUT):
-            files.put(f.part, new)
-            files.decisions += [Decision(at, value, f"{likely}; {numbers}") for at, value in words.items()]
-            return True
-        files.decisions += [Decision(at, None, f"{likely}, but {numbers}") for at in words]
     return False
 
 
@@ -387,7 +356,7 @@ def _question(files: Files, diagnosis: Diagnosis) -> SchulerError | None:
         words = {at: value for name, value in new.items() for at in files.names_of(f.part, name)}
         stays = {name: entry.get(name.rpartition(".")[2], _DEFAULTS.get(name.rpartition(".")[2])) for name in words}
         if all(value is not None for value in stays.values()) and all(d.entry not in words for d in files.decisions):
-            if not _takes(files, words):
+            if not takes(files, words):
                 continue  # a format that states it is believed: an answer would be refused
             return UndecidedError(
                 f"{f.text} ({100.0 * f.confidence:.0f} % likely)", [("so it is", words), ("as it was read", stays)]
@@ -409,15 +378,6 @@ def _remarks(files: Files, diagnosis: Diagnosis) -> list[str]:
     return remarks
 
 
-def _takes(files: Files, answer: Mapping[str, Any]) -> bool:
-    """Whether the log is read with an answer: a format that says this itself refuses it."""
-    try:
-        _read_with(files, answer)
-    except InputError as error:
-        return "leave out" not in str(error)
-    return True
-
-
 _DEFAULTS = {
     "axes": "FRD", "units": "accel=m/s^2,gyro=rad/s", "kind": "rate", "offset": 0.0, "height": "ellipsoidal",
     "scale": "accel=1,gyro=1",
@@ -426,18 +386,6 @@ _DEFAULTS = {
 
 def _one_axes(fix: str) -> bool:
     return re.fullmatch(r"axes='[FBRLUD]{3}'", fix) is not None
-
-
-def _read(files: Files) -> Recording:
-    recording = dispatch.read(files.log, **files.entries)
-    if recording.imu is None:
-        raise InputError(f"{files.log}: expected a log of an IMU, got {', '.join(_held(recording))}")
-    return recording
-
-
-def _read_with(files: Files, answer: Mapping[str, Any]) -> Recording:
-    more = setup.nested(dict(answer)).get("recording", {})
-    return dispatch.read(files.log, **merged(files.entries, more))
 
 
 def _without_fixes(files: Files, recording: Recording) -> UndecidedError:
@@ -466,24 +414,8 @@ def _without_fixes(files: Files, recording: Recording) -> UndecidedError:
     return UndecidedError(f"{nothing}, but a reference{where}. What is it to be navigated from", choices)
 
 
-def _held(recording: Recording) -> list[str]:
-    return [name for name in ("gnss", "reference", "observations", "odometer") if getattr(recording, name) is not None]
-
-
 def _starts(fixed: Mapping[str, Any]) -> bool:
     return bool(fixed.get("alignment", {}).get("method") == "given")
-
-
-def _heads(files: Files) -> list[str]:
-    """First characters of the files that the IMU is read from."""
-    entry = files.entries.get("imu") if files.by_part else None
-    if isinstance(entry, dict) and "file" in entry:
-        paths = [packed.resolved(files.log / str(entry["file"]))]
-    elif files.log.is_file():
-        paths = [files.log]
-    else:
-        paths = sorted(p for p in files.log.iterdir() if p.is_file() and p.suffix.lower() in (".csv", ".txt", ".yaml"))
-    return [plain_text.head_of(path, _HEAD).decode("latin-1") for path in paths]
 
 
 def _shown(value: Any) -> str:

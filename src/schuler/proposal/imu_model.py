@@ -47,8 +47,10 @@ def imu_entries(
         if name.endswith(".toml") or Path(name).is_file():
             path = str(Path(name).resolve())
             return {"spec": path}, Decision("imu.spec", path, "as said")
-        part = catalogue.entry(name).name
-        catalogue.spec(part)
+        entry = catalogue.entry(name)
+        catalogue.spec(name)
+        by_grade = entry.kind == "grade" and catalogue.plain(name) != catalogue.plain(entry.name)
+        part = catalogue.plain(name) if by_grade else entry.name  # "consumer" says more of biases than a thesis's set
         return {"catalogue": part}, Decision("imu.catalogue", part, "as said")
     for word in dict.fromkeys(word for head in heads for word in _PART.findall(head)):
         try:

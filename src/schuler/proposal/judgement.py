@@ -14,6 +14,7 @@ from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.errors import outage_errors
 from schuler.navigation.run import navigate
 from schuler.recording.recording import Recording
+from schuler.recording.series import GnssSeries
 from schuler.recording.trajectory import Trajectory
 from schuler.toml import merged
 
@@ -21,6 +22,7 @@ _WITHHELD_S = 10.0
 _PERIOD = 3.0  # of withheld stretches, in their lengths
 _MANY = 12  # stretches that a shorter log is cut into, shorter ones
 _LONGEST_S = 900.0  # of the log is navigated to compare
+_GAP = 5.0  # median intervals of fixes that are a gap, in which nothing judges
 _FEWEST = 6  # stretches that say something
 
 
@@ -78,12 +80,26 @@ def judged(recording: Recording, data: Mapping[str, Any]) -> Judgement | None:
         None if the log is too short, or cannot be navigated so.
     """
     gnss = recording.gnss
-    if gnss is None:
+    if gnss is None or not len(gnss):
         return None
     stop = min(recording.stop, recording.start + _LONGEST_S)
+    step = np.diff(gnss.t[gnss.t <= stop])
+    covered = float(np.sum(step[step <= _GAP * np.median(step)])) if len(step) else 0.0
+    for span in (stop - recording.start, covered):  # in a log with long pauses of fixes stretches are shorter, too
+        outcome = _judged(recording, gnss, data, stop, min(_WITHHELD_S, span / (_MANY * _PERIOD)))
+        if outcome is None or len(outcome.ends) >= _FEWEST:
+            return outcome
+    return None
+
+
+def _judged(
+    recording: Recording, gnss: GnssSeries, data: Mapping[str, Any], stop: float, length: float
+) -> Judgement | None:
+    """Errors of as many stretches of one length as there are until a time; None if the log cannot be navigated so."""
+    if length <= 0.0:
+        return None
     cut = replace(recording, imu=recording.need_imu().between(recording.start, stop), gnss=gnss.where(gnss.t <= stop))
     coarse = {"tune": False, "smooth": False, "output_rate_hz": 10.0}
-    length = min(_WITHHELD_S, (stop - recording.start) / (_MANY * _PERIOD))
     withheld = {"every_s": _PERIOD * length, "length_s": length}
     try:
         config = NavigationConfig.parse(merged(data, {"outages": withheld, "filter": coarse}))
@@ -91,8 +107,6 @@ def judged(recording: Recording, data: Mapping[str, Any]) -> Judgement | None:
         reference = Trajectory.from_geodetic(gnss.t, gnss.llh, gnss.v_n)
         errors = outage_errors(result.errors(reference, at_antenna=True), result.outages)
     except SchulerError:
-        return None
-    if len(errors) < _FEWEST:
         return None
     floor = float(np.sqrt(np.median(np.trace(gnss.cov_r_n[:, :2, :2], axis1=1, axis2=2) / 2.0)))
     return Judgement(np.hypot([e.end_horizontal for e in errors], floor), length)

@@ -83,8 +83,10 @@ def _wheels(recording: Recording, diagnosis: Diagnosis) -> Iterator[Trial]:
     wheels = (
         f"it goes where it points: the path explains {along:.0f} % of accelerations along and {across:.0f} % across"
     )
-    least = _SHOWN if estimates["explained_by_imu"][2] > _MOST_EXPLAINED else _CLEARLY
     mount, sigma = estimates.get("mount_deg"), estimates.get("mount_sigma_deg")
+    # where the motion does not show which axis points forward, the fixes have to
+    shown = mount is not None and estimates["explained_by_imu"][2] > _MOST_EXPLAINED
+    least = _SHOWN if shown else _CLEARLY
     if mount is not None and sigma is not None:
         large = np.abs(mount) > np.maximum(2.0 * np.array(sigma), _LEAST_MOUNT_DEG)
         if large.any():

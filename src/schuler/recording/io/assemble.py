@@ -245,7 +245,9 @@ def _time(raw: Raw, hints: ReadHints, base: TimeBase | None, measured: bool) -> 
         raise raw.fault("there is a time column and rate is given: leave rate out, or skip the column with -")
     if base is None:
         _count_on(raw)
-    t, base = (raw.values["t"], base) if base is not None else stamps(raw.values["t"], hints.time, raw.fault, raw.notes)
+    t = raw.values["t"]
+    if base is None:
+        t, base = stamps(t, hints.time, raw.fault, raw.notes, hints.offset or 0.0)
     if "ax" in raw.values and (evenly := spread_bursts(t)) is not None:
         t, sentence = evenly
         raw.notes.append(sentence)

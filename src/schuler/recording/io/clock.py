@@ -35,7 +35,9 @@ NS = 1_000_000_000
 _KINDS = ("unix", "utc-unix", "gps-unix", "local")
 
 
-def stamps(t: FloatArray, time: str | None, fault: Fault, notes: list[str]) -> tuple[FloatArray, TimeBase]:
+def stamps(
+    t: FloatArray, time: str | None, fault: Fault, notes: list[str], offset: float = 0.0
+) -> tuple[FloatArray, TimeBase]:
     """Seconds of a time base, and the time base.
 
     Parameters
@@ -48,11 +50,13 @@ def stamps(t: FloatArray, time: str | None, fault: Fault, notes: list[str]) -> t
         Makes the error for a message and a row.
     notes : list of str
         Takes the sentence on what was done.
+    offset : float
+        What will be added: a counter from anywhere may become times of week by it. [s]
 
     Returns
     -------
     t : ndarray, shape (n,)
-        Since the epoch of the time base. [s]
+        Since the epoch of the time base, without the offset. [s]
     base : TimeBase
 
     Raises
@@ -68,7 +72,7 @@ def stamps(t: FloatArray, time: str | None, fault: Fault, notes: list[str]) -> t
             notes.append("Time stamps are taken as the log's own clock (hint time relates them to GPS time).")
         return t, TimeBase("local")
     if spec.kind == "gps-tow":
-        return _from_tow(t, spec.week, fault, notes)
+        return _from_tow(t, spec.week, fault, notes, offset)
     if (row := _outside(t, 0.0, LATEST_S + UNIX_TO_GPS_S)) is not None:
         raise fault(f"time {t[row]:.10g} s is impossible for time={time!r}: is its unit right (units='t=ms')?", row)
     if spec.kind == "unix":
@@ -99,8 +103,9 @@ def from_gps(gps_s: FloatArray, rest: FloatArray | float = 0.0) -> tuple[FloatAr
     return (gps_s - start) + rest, TimeBase("gps", start)
 
 
-def _from_tow(t: FloatArray, week: int, fault: Fault, notes: list[str]) -> tuple[FloatArray, TimeBase]:
-    if (row := _outside(t, 0.0, WEEK_S)) is not None:
+def _from_tow(t: FloatArray, week: int, fault: Fault, notes: list[str], offset: float) -> tuple[FloatArray, TimeBase]:
+    shifted = offset != 0.0 and _outside(t + offset, 0.0, WEEK_S) is None
+    if not shifted and (row := _outside(t, 0.0, WEEK_S)) is not None:
         raise fault(
             f"time of week {t[row]:.10g} s is not within 0..604800: is its unit right (units='t=ms'), "
             "or is it time='gps'?",

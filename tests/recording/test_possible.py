@@ -114,10 +114,38 @@ def test_a_reading_that_stands_alone_at_an_end_of_the_log_is_no_motion(tmp_path,
     assert len(read(path).imu) == 60
 
 
+@pytest.mark.parametrize("kind", ["rate", "increment"])
+@pytest.mark.parametrize("row", [0, 1, ROW, -3])
+@pytest.mark.parametrize(
+    "cells",
+    [((0, 2, -981.0), (2, 0, 1000.0)), ((0, 2, 981.0), (1, 2, 981.0)), ((0, 0, 900.0), (1, 1, 300.0), (2, 0, -700.0))],
+)
+def test_a_few_numbers_of_three_rows_that_no_other_axis_and_sensor_feels_are_no_blow(tmp_path, cells, row, kind):
+    imu = calm()
+    start = row % len(imu)
+    for field, scale, unit in (("accel", 1.0, "m/s"), ("gyro", 0.08, "rad/s")):
+        reading = getattr(imu, field).copy()
+        for k, axis, value in cells:
+            reading[start + k, axis] = scale * value
+        wrong = replace(imu, **{field: reading})
+        if kind == "increment":
+            wrong = replace(wrong, gyro=0.01 * wrong.gyro, accel=0.01 * wrong.accel, kind=kind)
+        path = write(Recording(imu=wrong), tmp_path / f"{field}.parquet")[0]
+        message = rf"row {start + 1} of imu .* is {scale * cells[0][2]:g} {unit}.*felt along all axes.*allow='magn"
+        with pytest.raises(FileFormatError, match=message):
+            read(path)
+        felt = getattr(wrong, field).copy()  # the same as a blow, aside by two hundredths
+        felt[start, (cells[0][1] + 1) % 3] += 0.02 * felt[start, cells[0][1]]
+        blow = write(Recording(imu=replace(wrong, **{field: felt})), tmp_path / f"{field}_blow.parquet")[0]
+        assert len(read(blow).imu) == 60
+
+
 def crash(accel, rows, after=(0.0, 0.0, 0.0)):
     out = np.array(accel)
     for k, value in enumerate(rows):
         out[ROW + k, 0] = value
+        if len(rows) > 1:  # along no axis exactly
+            out[ROW + k, 1] += 0.02 * value
     out[ROW + len(rows) :] += after
     return out
 

@@ -40,12 +40,28 @@ def test_a_spike_is_replaced_by_the_rate_beside_it(kind, name, size, length):
     assert notes[0].startswith(f"{length} IMU readings are no motion (the first at {clean.t[200]:.3f} s")
 
 
+@pytest.mark.parametrize(("name", "size"), [("gyro", 50.0), ("accel", 300.0)])
+def test_two_spikes_with_a_reading_between_them_are_replaced_and_it_stays(name, size):
+    clean, notes = log("rate"), []
+    values = getattr(clean, name).copy()
+    values[200, 1] += size
+    values[202, 0] -= size
+    mended = without_spikes(ImuSeries(clean.t, **{"gyro": clean.gyro, "accel": clean.accel, name: values}), notes)
+    assert np.abs(getattr(mended, name) - getattr(clean, name)).max() < 0.3
+    np.testing.assert_array_equal(getattr(mended, name)[201], getattr(clean, name)[201])
+    assert notes[0].startswith("2 IMU readings are no motion")
+
+
 def shock(values):
     values[200:204, 0] += 300.0  # it lasts
 
 
 def ringing(values):
     values[200:206, 0] += 300.0 * np.array([1.0, -0.6, 0.4, -0.3, 0.2, -0.1])
+
+
+def knock(values):
+    values[200:203, 0] += 300.0, 100.0, 250.0  # it does not pause between two peaks
 
 
 def fall(values):
@@ -57,7 +73,7 @@ def often(values):
     values[10::30, 0] += 300.0
 
 
-@pytest.mark.parametrize("motion", [shock, ringing, fall, often])
+@pytest.mark.parametrize("motion", [shock, ringing, knock, fall, often])
 def test_what_may_be_motion_stays_as_it_was_read(motion):
     clean, notes = log("rate"), []
     accel = clean.accel.copy()

@@ -14,7 +14,7 @@ from schuler.units import G0
 
 #: Readings beyond either may be no motion: vehicles bear that for less than a sample.
 SPIKE = (20.0, 20.0 * G0)  # [rad/s], [m/s^2]
-#: Most readings in a row that are one spike: a frame or two of a bus that are damaged; a launch or a crash lasts.
+#: Readings in a row within which a spike lies: a frame or two of a bus that are damaged; a launch or a crash lasts.
 IN_A_ROW = 3
 _TIMES = 4.0  # those beside it, that a spike is beyond
 _BESIDE = 3  # readings on either side
@@ -35,7 +35,7 @@ def without_spikes(imu: ImuSeries, notes: list[str]) -> ImuSeries:
     -----
     A reading of more than 20 g or 20 rad/s that is real is a shock: it lasts, or rings, and the motion after it is
     another one. A spike is at most three readings long, the three before and the three after it are below a fourth of
-    it, and their means agree to 2 m/s^2 and 0.5 rad/s.
+    it, as is one between two others, and their means agree to 2 m/s^2 and 0.5 rad/s.
     """
     h = imu.interval if imu.kind == "increment" else 1.0
     mended: dict[str, FloatArray] = {}
@@ -65,11 +65,12 @@ def _spikes(values: FloatArray, dt: FloatArray, h: float, i: int) -> Iterator[tu
     high = np.flatnonzero(size > SPIKE[i])
     if len(high) > _RARE * len(size):  # it often reads as much
         return
-    for run in np.split(high, np.flatnonzero(np.diff(high) > 1) + 1):
-        if not 0 < len(run) <= IN_A_ROW or run[0] < _BESIDE or run[-1] + _BESIDE >= len(size):
+    for run in np.split(high, np.flatnonzero(np.diff(high) >= IN_A_ROW) + 1):
+        if not len(run) or run[-1] - run[0] >= IN_A_ROW or run[0] < _BESIDE or run[-1] + _BESIDE >= len(size):
             continue
         beside = (slice(run[0] - _BESIDE, run[0]), slice(run[-1] + 1, run[-1] + 1 + _BESIDE))
         before, after = ((values[k] / dt[k, None]).mean(axis=0) for k in beside)
-        calm = _TIMES * max(size[k].max() for k in beside) < size[run].min()
+        between = np.setdiff1d(np.arange(run[0], run[-1]), run)  # two of three: a blow would not pause
+        calm = _TIMES * max(size[k].max() for k in (*beside, between) if len(size[k])) < size[run].min()
         if calm and np.abs(after - before).max() <= _AGREE[i]:
             yield run, 0.5 * (before + after)

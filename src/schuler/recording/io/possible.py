@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from schuler.arrays import BoolArray, FloatArray
+from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.io.checks import MAX_FORCE, MAX_RATE, largest, norms
 from schuler.recording.io.hint_texts import COUNTS_NOTE
@@ -41,6 +41,7 @@ _LONE_CHANGE = (
 )  # of angle and velocity over the sample: shorter shocks may fall between samples [rad], [m/s]
 _LONE_AGREE = (0.5, 2.0)  # the means before and after it: nothing has happened [rad/s], [m/s^2]
 _BESIDE = 3  # readings on either side
+_LONE_SHARE = 0.01  # of a lone reading, that a blow has along other axes and in the other sensor at the least
 
 
 class _Quantity(NamedTuple):
@@ -139,40 +140,72 @@ def _lone_readings(recording: Recording) -> Iterator[tuple[int, str]]:
     reading is taken to be damaged if it alone is far beyond all others of the log, the three before and the three after
     it (as many as the log has there) are below a fiftieth of it and agree with each other, and the jump of velocity or
     angle that it claims is more than any shock that is shorter than a sample gives a body.
+
+    Two or three such readings within three rows may be a blow. A blow is felt along all axes (none is along one of the
+    sensor's to a hundredth) and by both sensors: where everything but one number of each of these rows goes on as
+    beside them, the numbers are damaged.
     """
     imu = recording.imu
     if imu is None or len(imu) <= 2 * _BESIDE or any(COUNTS_NOTE in note for note in recording.metadata.notes):
         return
-    readings = ((imu.gyro, "angular rate", "rad/s"), (imu.accel, "specific force", "m/s^2"))
-    for i, (measured, what, unit) in enumerate(readings):
-        values = _mean_rates(imu, measured)
+    both = [_mean_rates(imu, y) for y in (imu.gyro, imu.accel)]
+    for i, (what, unit) in enumerate((("angular rate", "rad/s"), ("specific force", "m/s^2"))):
+        values = both[i]
         if not largest(values) > 0.5 * _LONE[i]:
             continue
         size = np.abs(values).max(axis=1)
         high = np.flatnonzero(size > 0.5 * _LONE[i])
         if 2 * len(high) > len(size):
             continue
-        rows = high[:, None] + [*range(-_BESIDE, 0), *range(1, _BESIDE + 1)]
+        first = high[np.diff(high, prepend=-_BESIDE) >= _BESIDE]
+        last = high[np.diff(high, append=len(size) + _BESIDE) >= _BESIDE]
+        if (last - first >= _BESIDE).any():
+            continue
         # at an end of the log, those of the other side: what is missing there speaks for nothing
-        beside = values[np.where((rows < 0) | (rows >= len(size)), 2 * high[:, None] - rows, rows)]
-        before, after = beside[:, :_BESIDE].mean(axis=1), beside[:, _BESIDE:].mean(axis=1)
-        alone = (
-            (size[high] > _LONE[i])
-            & (_LONE_RATIO * np.abs(beside).max(axis=(1, 2)) < size[high])
-            & (size[high] * imu.interval > _LONE_CHANGE[i])
-            & (np.abs(after - before).max(axis=1) < _LONE_AGREE[i])
+        ago = np.arange(_BESIDE, 0, -1)
+        before, after = first[:, None] - ago, last[:, None] + ago[::-1]
+        before, after = (
+            np.where(before < 0, last[:, None] + ago, before),
+            np.where(after >= len(size), first[:, None] - ago[::-1], after),
         )
-        if alone.all():
+        rows = np.clip(np.hstack((before, after)), 0, len(size) - 1)
+        beside = values[rows]
+        usual = np.abs(beside).max(axis=(1, 2))
+        runs = [high[(high >= a) & (high <= b)] for a, b in zip(first, last, strict=True)]
+        most = np.array([size[run].max() for run in runs])
+        change = np.abs(beside[:, _BESIDE:].mean(axis=1) - beside[:, :_BESIDE].mean(axis=1)).max(axis=1)
+        damaged = (
+            (most > _LONE[i]) & (_LONE_RATIO * usual < most) & (most * imu.interval > _LONE_CHANGE[i])
+            & (change < _LONE_AGREE[i])
+        )  # fmt: skip
+        if damaged.all() and all(
+            _one_number_each(both, i, np.arange(a, b + 1), run, rows[k])
+            for k, (a, b, run) in enumerate(zip(first, last, runs, strict=True))
+            if len(run) > 1
+        ):
             row = int(high[0])
             value = values[row, np.argmax(np.abs(values[row]))]
-            usual = np.abs(beside[0]).max()
+            more = len(runs[0]) - 1
+            shock = f"a shock is felt along all axes, this and {more} more beside it are not" if more else ""
             yield (
                 row,
                 (
-                    f"{what} is {value:.6g} {unit}, those of the three samples before and after are up to {usual:.3g}: "
-                    "a damaged number (a decimal point that was lost?), no shock is over within a sample"
+                    f"{what} is {value:.6g} {unit}, those of the three samples before and after are up to "
+                    f"{usual[0]:.3g}: a damaged number (a decimal point that was lost?), "
+                    + (shock or "no shock is over within a sample")
                 ),
             )
+
+
+def _one_number_each(both: list[FloatArray], i: int, rows: IntArray, high: IntArray, beside: IntArray) -> bool:
+    """Whether one number of a sensor (0 gyroscope, 1 accelerometer) in each of the high ones of some rows, and no other
+    number of either sensor in any of them, differs from those beside.
+    """
+    values, around = (np.hstack([y[k] for y in both]) for k in (rows, beside))
+    usual = np.ptp(around, axis=0) + np.repeat(_LONE_SHARE * np.array(_LONE), 3)
+    differs = np.abs(values - np.median(around, axis=0)) > usual
+    of_sensor = differs[:, 3 * i : 3 * i + 3].sum(axis=1)
+    return bool(np.array_equal(of_sensor, np.isin(rows, high)) and differs.sum() == of_sensor.sum())
 
 
 def _quantities(recording: Recording) -> Iterator[_Quantity]:

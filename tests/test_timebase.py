@@ -11,6 +11,9 @@ from hypothesis import strategies as st
 
 from schuler import timebase
 from schuler.exceptions import InputError
+from schuler.recording import Recording
+from schuler.recording.io import read, write
+from schuler.recording.series import GnssSeries
 from schuler.timebase import WEEK_S, TimeBase
 
 LAW = settings(max_examples=300, deadline=None, derandomize=True, database=None)
@@ -265,6 +268,33 @@ def test_the_warning_of_an_unknown_leap_second_points_at_the_caller(system_list)
     with pytest.warns(timebase.LeapSecondWarning) as caught:
         timebase.leap_seconds(timebase.LEAP_TABLE_VALID_TO + dt.timedelta(days=1))
     assert caught[0].filename == __file__
+
+
+def test_where_notes_are_collected_one_says_it_and_nothing_warns(system_list):
+    late = timebase.LEAP_TABLE_VALID_TO + dt.timedelta(days=1)
+    with timebase.leap_second_notes() as notes:
+        assert timebase.leap_seconds(timebase.LEAP_TABLE_VALID_TO) == 18
+        assert not notes
+        assert timebase.leap_seconds(late) == timebase.leap_seconds(late + dt.timedelta(days=1)) == 18
+    assert len(notes) == 1
+    assert notes[0].startswith(f"Leap seconds are known to {timebase.LEAP_TABLE_VALID_TO}, got {late}: 18 s are taken")
+    with pytest.warns(timebase.LeapSecondWarning):
+        timebase.leap_seconds(late)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_log_of_utc_beyond_the_table_says_so_in_its_notes_and_files(system_list, tmp_path):
+    first = unix(dt.datetime(2028, 3, 1, 12))
+    rows = [f"{first + 0.01 * k:.2f},0.0,0.01,-9.81,0.0,0.0,0.0" for k in range(200)]
+    path = tmp_path / "imu.csv"
+    path.write_text("\n".join(["t,ax,ay,az,gx,gy,gz", *rows]))
+    log = read(path, units="m/s^2,rad/s", time="unix")
+    assert sum("leap seconds are known to" in note.lower() for note in log.metadata.notes) == 1
+    t, llh = log.imu.t, np.tile([0.8, 0.2, 300.0], (200, 1))
+    fixes = GnssSeries(t, llh, np.tile(np.eye(3), (200, 1, 1)))
+    for suffix in ("kml", "geojson"):
+        out = write(Recording(gnss=fixes, metadata=log.metadata), tmp_path / f"track.{suffix}")[0]
+        assert out.read_text().count("Leap seconds are known to") == 1
 
 
 @pytest.mark.parametrize("fault", ["a count left out", "days out of order"])

@@ -9,6 +9,9 @@ from __future__ import annotations
 import datetime as dt
 import functools
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -38,6 +41,26 @@ _TAI_MINUS_GPS = 19  # [s]
 
 class LeapSecondWarning(UserWarning):
     """A UTC time later than any table of leap seconds at hand: one announced meanwhile is not counted."""
+
+
+_COLLECTED: ContextVar[list[str] | None] = ContextVar("notes on leap seconds beyond the table", default=None)
+
+
+@contextmanager
+def leap_second_notes() -> Iterator[list[str]]:
+    """Collect what is to be said of leap seconds beyond the table, as notes of a result, instead of warning of it.
+
+    Yields
+    ------
+    list of str
+        One sentence once a time beyond the table was converted.
+    """
+    notes: list[str] = []
+    token = _COLLECTED.set(notes)
+    try:
+        yield notes
+    finally:
+        _COLLECTED.reset(token)
 
 
 Scale = Literal["gps", "utc", "local"]
@@ -145,18 +168,21 @@ def leap_days(to: dt.date) -> tuple[tuple[int, int, int], ...]:
     -----
     LeapSecondWarning
         If neither reaches so far. None has been introduced since 2017, so none being counted is the likeliest; one that
-        was missed would shift UTC times against GPS by a second.
+        was missed would shift UTC times against GPS by a second. A note where :func:`leap_second_notes` collects them.
     """
     if to <= LEAP_TABLE_VALID_TO:
         return LEAP_DAYS
     days, valid_to = _system_leap_days(_SYSTEM_LIST)
     if to > valid_to:
-        warnings.warn(
+        sentence = (
             f"leap seconds are known to {valid_to}, got {to}: {len(days)} s are taken; update schuler or the system's "
-            f"{_SYSTEM_LIST}, or give times on the GPS scale",
-            LeapSecondWarning,
-            stacklevel=3,
+            f"{_SYSTEM_LIST}, or give times on the GPS scale"
         )
+        notes = _COLLECTED.get()
+        if notes is None:
+            warnings.warn(sentence, LeapSecondWarning, stacklevel=3)
+        elif not notes:
+            notes.append(f"{sentence[0].upper()}{sentence[1:]}.")
     return days
 
 

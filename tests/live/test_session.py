@@ -3,8 +3,10 @@
 import threading
 from collections import Counter
 
+import numpy as np
 import pytest
 
+from schuler import timebase
 from schuler.exceptions import InputError
 from schuler.live.clock import SourceClock
 from schuler.live.session import Source, run_session
@@ -54,6 +56,23 @@ def test_a_decoder_that_gives_up_is_counted():
     assert sink.events[:2] == [("source", "wire: connected"), ("source", "wire: ended")]
     assert sorted(kind for kind, _ in sink.events[2:]) == ["decoder", "decoder"]
     assert saved == [1]
+
+
+@pytest.mark.filterwarnings("error")
+def test_leap_seconds_beyond_the_table_are_an_event_said_once(monkeypatch):
+    monkeypatch.setattr(timebase, "_system_leap_days", lambda _: (timebase.LEAP_DAYS, timebase.LEAP_TABLE_VALID_TO))
+
+    class Late(Refusing):
+        def feed(self, data, arrival):
+            timebase.gps_from_unix(np.array([1.9e9]))
+            return []
+
+    sink = Listening()
+    run_session([Source("wire", pieces, Late())], None, SourceClock(), [sink], stop=threading.Event())
+    said = [(kind, text) for kind, text in sink.events if "eap seconds" in text]
+    assert len(said) == 1
+    assert said[0][0] == "clock"
+    assert said[0][1].startswith("Leap seconds are known to")
 
 
 def test_a_source_that_can_never_work_ends_the_run():

@@ -338,6 +338,6 @@ def _leaps(state: DiagnosisState) -> list[int]:
     base = state.recording.metadata.time
     out = []
     if base.scale == "gps":
-        with contextlib.suppress(SchulerError):
+        with contextlib.suppress(SchulerError), timebase.leap_second_notes():  # said by the reader
             out.append(timebase.leap_seconds(timebase.calendar(base.epoch_gps_s).date()))
     return [*out, *(n for n in (18, 17, 16, 15) if n not in out)]

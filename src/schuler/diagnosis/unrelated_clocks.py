@@ -112,7 +112,8 @@ def _meanings(recording: Recording, alone: Recording, motion: Motion | None) -> 
         _Meaning("GPS seconds since 1980", "time='gps'", -epoch),
     ]
     try:
-        leap = timebase.leap_seconds(timebase.calendar(epoch + start).date())
+        with timebase.leap_second_notes():  # a possibility, of which nothing is said
+            leap = timebase.leap_seconds(timebase.calendar(epoch + start).date())
         out.append(_Meaning("Unix time", "time='unix'", leap - timebase.UNIX_TO_GPS_S - epoch))
     except (SchulerError, OverflowError):
         pass

@@ -12,7 +12,7 @@ from schuler.arrays import ArrayLike, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.frames import ecef_from_ned, llh_from_ecef, ned_from_ecef
 from schuler.gnss.ionosphere import F_L1
-from schuler.timebase import calendar, leap_seconds
+from schuler.timebase import calendar, leap_second_notes, leap_seconds
 from schuler.units import DEG
 
 _DELAY = 40.3e16  # of a code by 1 TECU, times the inverse square of the frequency [m Hz^2]
@@ -116,4 +116,5 @@ def _contents(ai: tuple[float, float, float], r_e: FloatArray, r_sat_e: FloatArr
 
 def _utc(gps_s: float) -> dt.datetime:
     moment = calendar(gps_s)
-    return moment - dt.timedelta(seconds=leap_seconds(moment.date()))
+    with leap_second_notes():  # a second is nothing to the ionosphere
+        return moment - dt.timedelta(seconds=leap_seconds(moment.date()))

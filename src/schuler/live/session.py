@@ -19,7 +19,7 @@ from schuler.live.clock import SourceClock
 from schuler.live.decoders.base import Decoder
 from schuler.live.messages import Event, EventKind, ImuBlock, ImuSample, Message, Solution, parted
 from schuler.live.sources import POLL_S, Notify
-from schuler.timebase import UNIX_TO_GPS_S
+from schuler.timebase import UNIX_TO_GPS_S, leap_second_notes
 
 _PAUSE_S = 0.1  # without a byte, after which a decoder is told that what it has is complete [s]
 _COUNTED_S = 10.0  # between two looks at what decoders left out [s]
@@ -181,7 +181,9 @@ def run_session(
             arrival = _next_arrival(inbox)
             now = time.monotonic()
             if arrival is not None:
-                feed.take_arrival(arrival, now)
+                with leap_second_notes() as late:
+                    feed.take_arrival(arrival, now)
+                feed.note(late)
                 running -= arrival.piece is None
             feed.take_pauses(sources, now)
             if reports.is_due(now):
@@ -240,6 +242,7 @@ class _Feed:
         self._navigator, self._sinks, self._smoothed_sinks = navigator, sinks, smoothed_sinks
         self._on_message, self._interval = on_message, interval
         self._next_t = -math.inf
+        self._noted = False
         self.newest: Solution | None = None
         self.summary = Summary()
 
@@ -262,6 +265,12 @@ class _Feed:
             if source.decoder is not None and now - source.last_s > _PAUSE_S:
                 self._take(source.decoder.pause())
                 source.last_s = math.inf
+
+    def note(self, sentences: Sequence[str]) -> None:
+        """Say what was not said before."""
+        for sentence in sentences[:1] if not self._noted else ():
+            self._noted = True
+            self._say("clock", sentence)
 
     def report_left_out(self, sources: Sequence[Source]) -> None:
         """Say what decoders left out since the last time."""
@@ -346,10 +355,15 @@ def _decoded(arrival: _Arrival) -> Sequence[Message]:
 
 def _pump(source: Source, inbox: queue.Queue[_Arrival], stop: threading.Event) -> None:
     """Put the pieces of a source into the inbox with the time at which they came."""
+    told = False
     try:
         for piece in source.open(stop, lambda text: inbox.put(_Arrival(source, text))):
             if piece:
-                inbox.put(_Arrival(source, piece, gps_now()))
+                with leap_second_notes() as late:
+                    inbox.put(_Arrival(source, piece, gps_now()))
+                if late and not told:
+                    told = True
+                    inbox.put(_Arrival(source, f"the clock of this machine: {late[0]}"))
             if stop.is_set():
                 break
         inbox.put(_Arrival(source, None))

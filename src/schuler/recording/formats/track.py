@@ -20,7 +20,7 @@ from schuler.recording.io import own
 from schuler.recording.recording import Recording
 from schuler.recording.series import QUALITY, GnssSeries
 from schuler.recording.trajectory import Trajectory
-from schuler.timebase import TimeBase, calendar, leap_seconds
+from schuler.timebase import TimeBase, calendar, leap_second_notes, leap_seconds
 
 Colour = Literal["quality", "sigma"]
 
@@ -95,7 +95,10 @@ def write_kml(
     document = _child(root, "Document")
     _child(document, "name", name)
     base = time or TimeBase()
-    _child(document, "description", f"{base.describe()}. Heights are {heights}. {thinned}".strip())
+    with leap_second_notes() as late:
+        moments = _utc_texts(t, base) if base.scale == "gps" else []
+    notes = " ".join([f"{base.describe()}. Heights are {heights}. {thinned}".strip(), *late])
+    _child(document, "description", notes)
     for label, shade in dict.fromkeys((leg.label, leg.colour) for leg in legs):
         style = _child(document, "Style", id=_identifier(label))
         line = _child(style, "LineStyle")
@@ -106,7 +109,7 @@ def write_kml(
         _child(placemark, "name", f"{name} (time)")
         moving = ElementTree.SubElement(placemark, f"{{{_GX}}}Track")
         _child(moving, "altitudeMode", "absolute")
-        for text in _utc_texts(t, base):
+        for text in moments:
             _child(moving, "when", text)
         for lon, lat, h in _lon_lat_h(llh):
             ElementTree.SubElement(moving, f"{{{_GX}}}coord").text = f"{lon:.9f} {lat:.9f} {h:.3f}"
@@ -156,13 +159,14 @@ def write_geojson(
     t, llh, legs, thinned = _prepare(track, colour, sigma, outages, max_points)
     base = time or TimeBase()
     features: list[dict[str, Any]] = []
-    for leg in legs:
-        properties: dict[str, Any] = {"name": name, "kind": leg.label, "stroke": leg.colour}
-        properties |= {"start_s": float(t[leg.rows][0]), "stop_s": float(t[leg.rows][-1])}
-        if base.scale == "gps":
-            properties["start_utc"], properties["stop_utc"] = _utc_texts(t[leg.rows][[0, -1]], base)
-        features.append({"type": "Feature", "properties": properties, "geometry": _geometry(llh[leg.rows])})
-    about = {"time": base.describe(), "heights": "ellipsoidal [m]", "note": thinned}
+    with leap_second_notes() as late:
+        for leg in legs:
+            properties: dict[str, Any] = {"name": name, "kind": leg.label, "stroke": leg.colour}
+            properties |= {"start_s": float(t[leg.rows][0]), "stop_s": float(t[leg.rows][-1])}
+            if base.scale == "gps":
+                properties["start_utc"], properties["stop_utc"] = _utc_texts(t[leg.rows][[0, -1]], base)
+            features.append({"type": "Feature", "properties": properties, "geometry": _geometry(llh[leg.rows])})
+    about = {"time": base.describe(), "heights": "ellipsoidal [m]", "note": " ".join([thinned, *late]).strip()}
     document = {"type": "FeatureCollection", "name": name, "about": about, "features": features}
     return files.write_text(path, own.to_json(document, indent=1) + "\n")
 

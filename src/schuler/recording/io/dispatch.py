@@ -20,7 +20,7 @@ from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.possible import check_possible
 from schuler.recording.io.satellite_files import read_satellite_file
 from schuler.recording.recording import Recording
-from schuler.timebase import WEEK_S, TimeBase
+from schuler.timebase import WEEK_S, TimeBase, leap_second_notes
 
 WRITERS = {
     ".parquet": "parquet",
@@ -109,8 +109,10 @@ def _folder_format(path: Path, hints: ReadHints | None, name: str | None) -> Mod
 
 def read_one(path: Path, hints: ReadHints, glonass_channels: Mapping[int, int] | None = None) -> Recording:
     """Read one file, see :func:`read`; ``glonass_channels`` by satellite for RINEX observations without them."""
-    with guarded(path):
+    with guarded(path), leap_second_notes() as late:
         recording = check_possible(_read_file(path, hints, glonass_channels), path, hints.allows)
+    if late:
+        recording = replace(recording, metadata=recording.metadata.noting(*late))
     if hints.series == "reference" and recording.reference is None and recording.gnss is not None:
         recording = reference_from_gnss(recording)
     if hints.truth_fixes is not None:

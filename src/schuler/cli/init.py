@@ -29,7 +29,7 @@ def init(
     Parameters
     ----------
     logs
-        A folder, a file, or the files of one run.
+        A folder, a file, the files of one run, or its folder and files that lie elsewhere.
     imu
         The IMU by its name in the catalogue, or a file of schuler allan.
     out

@@ -61,7 +61,7 @@ def navigate(
     ----------
     logs
         File or folder; how it is read stands in the [recording] section of the configuration. Without a configuration
-        also the files of one run.
+        also the files of one run, or its folder and files that lie elsewhere, which come before those in it.
     config
         TOML file, see docs/navigation.md. Without one it is proposed from what the log shows, printed with its
         evidence, and written beside the result as drive.toml; see docs/howto/from-a-folder-to-a-track.md.

@@ -116,7 +116,7 @@ def propose(
     Parameters
     ----------
     paths : path, or sequence of paths
-        A folder, a file, or the files of one run.
+        A folder, a file, the files of one run, or its folder and files that lie elsewhere; these come first.
     imu : str, optional
         Name of the catalogue or file of ``schuler allan``.
     given : mapping, optional

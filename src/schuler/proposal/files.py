@@ -156,6 +156,7 @@ def files_of(paths: Sequence[Path], given: Mapping[str, Any], *, complete: bool 
         return _one(paths[0], given)
     if len(paths) == 1:
         log, names = paths[0], names_in(paths[0])
+        single: list[str] = []
         if several:  # hints that name no part are of its IMU
             given, own = parted(given)
             files = _folder(log, names, given)
@@ -163,14 +164,28 @@ def files_of(paths: Sequence[Path], given: Mapping[str, Any], *, complete: bool 
             files.decisions = [d for d in files.decisions if d.entry not in {f"recording.imu.{name}" for name in own}]
             return files
     else:
-        if folders := [str(p) for p in paths if p.is_dir()]:
-            raise InputError(f"expected one folder, or files of one run, got also the folder {', '.join(folders)}")
-        log = Path(os.path.commonpath([p.resolve().parent for p in paths]))
-        each = [(p, p.resolve().relative_to(log).as_posix()) for p in paths]
-        names = [name for p, file in each for name in ([f"{file}/{t}" for t in packed.tables(p)] or [file])]
+        log, single, names = _several(paths)
     if complete and any(isinstance(e, Mapping) and "file" in e for e in given.values()):
         return Files(log, {part: dict(e) if isinstance(e, Mapping) else e for part, e in given.items()})
-    return _folder(log, names, given)
+    return _folder(log, names, given, single)
+
+
+def _several(paths: Sequence[Path]) -> tuple[Path, list[str], list[str]]:
+    """Folder of files of one run, the names in it of those that were given one by one, and of all: also a folder's."""
+    folders = [p for p in paths if p.is_dir()]
+    if len(folders) > 1:
+        raise InputError(f"expected one folder and files of its run, got the folders {', '.join(map(str, folders))}")
+    log = Path(os.path.commonpath([p.resolve() if p.is_dir() else p.resolve().parent for p in paths]))
+    single = []
+    for path in (p for p in paths if p.is_file()):
+        name = path.resolve().relative_to(log).as_posix()
+        single += [f"{name}/{table}" for table in packed.tables(path)] or [name]
+    names = dict.fromkeys(single)
+    for folder in folders:
+        inside = folder.resolve().relative_to(log)
+        whole = registry.find_folder(folder) is not None
+        names |= dict.fromkeys((inside / name).as_posix() for name in ([""] if whole else names_in(folder)))
+    return log, single, list(names)
 
 
 def _one(path: Path, given: Mapping[str, Any]) -> Files:
@@ -189,7 +204,8 @@ def _one(path: Path, given: Mapping[str, Any]) -> Files:
     return files
 
 
-def _folder(log: Path, names: list[str], given: Mapping[str, Any]) -> Files:
+def _folder(log: Path, names: list[str], given: Mapping[str, Any], single: Sequence[str] = ()) -> Files:
+    """Parts of a run among the files of a folder; those that were given one by one come before the others."""
     files = Files(log)
     candidates: dict[str, list[tuple[bool, str, dict[str, Any], list[Decision]]]] = {}
     wholes, tracks = [], []
@@ -197,6 +213,9 @@ def _folder(log: Path, names: list[str], given: Mapping[str, Any]) -> Files:
     for name in names:
         path = packed.resolved(log / name)
         if path.suffix.lower() in _NO_LOGS:
+            continue
+        if path.is_dir():  # it is one log
+            wholes.append(name)
             continue
         if (rows := arrays.array(path)) is not None and arrays.is_path(rows):
             tracks.append(name)
@@ -252,6 +271,9 @@ def _folder(log: Path, names: list[str], given: Mapping[str, Any]) -> Files:
                 if name not in files.ignored:
                     files.ignored.append(name)
     for part, rivals in candidates.items():
+        if part != "ephemerides" and (first := [f for f in rivals if f[1] in single]):
+            files.ignored += [f[1] for f in rivals if f not in first and f[1] not in files.ignored]
+            rivals = first
         files.entries[part], decisions = chosen(log, part, rivals, files.ignored)
         if isinstance(own := given.get(part), Mapping):
             files.entries[part] |= own

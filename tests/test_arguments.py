@@ -44,6 +44,8 @@ def test_no_function_ends_inside_of_itself(name, tmp_path, monkeypatch):
         (lambda r: schuler.calibrate_ferraris(r), "calibrate_ferraris: imu: expected ImuSeries, got Recording"),
         (lambda r: schuler.calibrate_field(r, None, latitude=0.8), "calibrate_field: imu: expected ImuSeries"),
         (lambda r: result_from("sixposition", {}, "full").apply(r), "apply: imu: expected ImuSeries, got Recording"),
+        (lambda r: schuler.calibrate_fleet("log.csv"), r"expected Sequence\[ImuSeries\], got str, read each first: \[sch"),
+        (lambda r: schuler.calibrate_fleet([r.imu], labels="A1"), r"labels: expected Sequence\[str\] or None, got str, g"),
         (lambda r: schuler.NavigationConfig(), "NavigationConfig: imu: missing"),
     ],
 )
@@ -67,6 +69,7 @@ def sample(log: "Recording | Path | str", names: "Sequence[str]" = (), *, rate: 
         ({"log": 3}, r"sample: log: expected Recording or Path or str, got int$"),
         ({"log": IMU}, r"got ImuSeries, make one of it: schuler\.Recording\(imu=\.\.\.\)$"),
         ({"log": "a", "names": 3}, r"sample: names: expected Sequence\[str\], got int$"),
+        ({"log": "a", "names": "bc"}, r"sample: names: expected Sequence\[str\], got str, give a list: \['bc'\]$"),
         ({"log": "a", "rate": "13"}, r"sample: rate: expected float or None, got str$"),
     ],
 )

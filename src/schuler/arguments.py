@@ -32,11 +32,16 @@ def explains_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """Public function whose wrong arguments end in an :class:`InputError` instead of a traceback from its inside.
 
     Arguments are compared with the annotations only after a ``TypeError`` or ``AttributeError``: a call that works
-    costs nothing, and an error with arguments of the annotated types passes as it is.
+    costs nothing, and an error with arguments of the annotated types passes as it is. A string in the place of a
+    sequence is found before: the call would take its letters one by one.
     """
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        if any(type(value) is str for value in (*args, *kwargs.values())) and (
+            sentence := _mismatch(function, args, kwargs, of_letters=True)
+        ):
+            raise InputError(sentence)
         try:
             return function(*args, **kwargs)
         except (TypeError, AttributeError) as error:
@@ -47,8 +52,12 @@ def explains_arguments(function: Callable[P, R]) -> Callable[P, R]:
     return call
 
 
-def _mismatch(function: Callable[..., Any], args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> str:
-    """First argument that is not what its annotation says; empty if all are, or the call does not even bind."""
+def _mismatch(
+    function: Callable[..., Any], args: tuple[Any, ...], kwargs: Mapping[str, Any], *, of_letters: bool = False
+) -> str:
+    """First argument that is not what its annotation says, or that is a string in the place of a sequence only; empty
+    if there is none, or the call does not even bind.
+    """
     signature = inspect.signature(function)
     try:
         given = signature.bind(*args, **kwargs).arguments
@@ -59,6 +68,8 @@ def _mismatch(function: Callable[..., Any], args: tuple[Any, ...], kwargs: Mappi
         if parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
             continue
         expected = str(parameter.annotation)
+        if of_letters and not (isinstance(value, str) and expected.startswith("Sequence[")):
+            continue
         if not _is_one_of(value, expected, function.__globals__):
             return (
                 f"{function.__name__}: {name}: expected {expected.replace(' | ', ' or ')}, "
@@ -97,6 +108,10 @@ def _split(text: str, mark: str) -> list[str]:
 
 
 def _remedy(value: object, expected: str) -> str:
+    if expected.startswith("Sequence[str]") and isinstance(value, str):
+        return f", give a list: [{value!r}]"
+    if expected.startswith("Sequence[ImuSeries]") and isinstance(value, str | PathLike):
+        return f", read each first: [schuler.read({str(value)!r}).imu]"
     if "Recording" in expected and isinstance(value, str | PathLike):
         return f", read it first: schuler.read({str(value)!r})"
     if "Recording" in expected and type(value).__name__ == "ImuSeries":

@@ -69,10 +69,10 @@ def test_leap_seconds_beyond_the_table_are_an_event_said_once(monkeypatch):
 
     sink = Listening()
     run_session([Source("wire", pieces, Late())], None, SourceClock(), [sink], stop=threading.Event())
-    said = [(kind, text) for kind, text in sink.events if "eap seconds" in text]
-    assert len(said) == 1
-    assert said[0][0] == "clock"
-    assert said[0][1].startswith("Leap seconds are known to")
+    notes = [(kind, text) for kind, text in sink.events if "eap seconds" in text]
+    assert len(notes) == 1
+    assert notes[0][0] == "clock"
+    assert notes[0][1].startswith("Leap seconds are known to")
 
 
 def test_a_source_that_can_never_work_ends_the_run():

@@ -21,7 +21,7 @@ from schuler.live.messages import Event, EventKind, ImuBlock, ImuSample, Message
 from schuler.live.sources import POLL_S, Notify
 from schuler.timebase import UNIX_TO_GPS_S, leap_second_notes
 
-_PAUSE_S = 0.1  # without a byte, after which a decoder is told that what it has is complete [s]
+_PAUSE_S = 0.1  # without a byte, after which a decoder is noted that what it has is complete [s]
 _COUNTED_S = 10.0  # between two looks at what decoders left out [s]
 _SAME = 1e-6  # of the interval of solutions: a sample so little before its time is at it [-]
 _WAITING = 1000  # pieces that wait for the filter before a source is held up
@@ -45,7 +45,7 @@ class Source:
     keep : callable, optional
         Called with all bytes as they come.
     last_s : float
-        When a piece came last and the decoder was not told of a pause since, by the machine's own counter. [s]
+        When a piece came last and the decoder was not noted of a pause since, by the machine's own counter. [s]
     reported, failures : Counter
         What was left out as last reported, and pieces at which the decoder gave up.
     """
@@ -355,14 +355,14 @@ def _decoded(arrival: _Arrival) -> Sequence[Message]:
 
 def _pump(source: Source, inbox: queue.Queue[_Arrival], stop: threading.Event) -> None:
     """Put the pieces of a source into the inbox with the time at which they came."""
-    told = False
+    noted = False
     try:
         for piece in source.open(stop, lambda text: inbox.put(_Arrival(source, text))):
             if piece:
                 with leap_second_notes() as late:
                     inbox.put(_Arrival(source, piece, gps_now()))
-                if late and not told:
-                    told = True
+                if late and not noted:
+                    noted = True
                     inbox.put(_Arrival(source, f"the clock of this machine: {late[0]}"))
             if stop.is_set():
                 break

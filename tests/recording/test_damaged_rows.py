@@ -153,3 +153,27 @@ def test_of_two_files_of_one_receiver_that_with_velocities_is_taken(tmp_path):
     often = [f"{0.1 * k:.1f},{48.7 + 1e-6 * k:.7f},9.1,300.0,2.0,0" for k in range(600)]
     written(tmp_path / "locations.csv", often, f"{head},speed [m/s],course [deg]")
     assert files_of([tmp_path], {}).entries["gnss"]["file"] == "gps.csv"
+
+
+@pytest.mark.parametrize("at", [1, 3, 700, -1])
+@pytest.mark.parametrize(
+    "line", [b"\0" * 600, b"0.03\0,0,0.01,-9.81,0,0.001,0", b"\0\0\xff\0,1", b"\0" * 512 + b"7.0,0"]
+)
+def test_lines_with_zero_bytes_are_garbled_as_others_are(tmp_path, at, line):
+    rows = [b"%.2f,0.0,0.01,-9.81,0.0,0.001,0.0" % (0.01 * k) for k in range(1000)]
+    rows[at] = line
+    path = tmp_path / "imu.csv"
+    path.write_bytes(b"\n".join([b"t_s,ax_m_s2,ay_m_s2,az_m_s2,gx_rad_s,gy_rad_s,gz_rad_s", *rows]) + b"\n")
+    with pytest.raises(FileFormatError, match=rf"imu.csv:{at % 1000 + 2}: "):
+        schuler.read(path)
+    log = schuler.read(path, bad_lines=0.01)
+    assert len(log.imu) == 999
+    assert "1 garbled lines of 1000 were left out." in log.metadata.notes
+
+
+@pytest.mark.parametrize("blob", [b"\0\1\2\3" * 99, np.arange(400.0).tobytes(), b"\0" * 99 + b"text without end" * 9])
+def test_binary_data_below_a_header_of_text_are_no_table(tmp_path, blob):
+    path = tmp_path / "log.dat"
+    path.write_bytes(b"t,ax,ay,az,gx,gy,gz\n" + blob)
+    with pytest.raises(FileFormatError, match="a binary file"):
+        schuler.read(path, bad_lines=0.4)

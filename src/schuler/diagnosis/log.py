@@ -19,6 +19,7 @@ from schuler.files import check_log
 from schuler.recording.io import dispatch, folder, packed
 from schuler.recording.io.hint_texts import SERIES
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.lines import is_binary
 from schuler.recording.recording import Recording
 
 #: Refusals that are about the numbers themselves, which the diagnosis judges better than the reader can.
@@ -254,7 +255,7 @@ def not_a_log(path: Path) -> str | None:
     for magic, what in _MAGIC.items():
         if head.startswith(magic):
             return what
-    if b"\x00" in head:
+    if is_binary(head):
         return None
     if path.suffix.lower() in _DOCUMENTS or path.name.upper() in ("README", "LICENSE"):
         return "text for people to read, not numbers"

@@ -11,7 +11,7 @@ import numpy as np
 from schuler.diagnosis.result import Finding
 from schuler.exceptions import FileFormatError
 from schuler.recording.formats import rtklib, text
-from schuler.recording.io import dispatch
+from schuler.recording.io import dispatch, lines
 from schuler.recording.io.assemble import recording_from
 from schuler.recording.io.hint_texts import factor, parse_units
 from schuler.recording.io.hints import ReadHints
@@ -36,7 +36,7 @@ def repaired(path: Path, hints: ReadHints) -> tuple[Recording, list[Finding]]:
     with dispatch.guarded(path):
         with path.open("rb") as stream:
             head = stream.read(65536)
-        if b"\x00" in head:
+        if lines.is_binary(head):
             raise FileFormatError("only text can be repaired", path)
         if path.suffix.lower() == ".pos" or rtklib.looks_like_pos(head):
             return _repaired_pos(path, hints)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +16,11 @@ from schuler.gnss.dop import Dilution
 from schuler.gnss.ranges import Ranges
 from schuler.gnss.signals import satellite_name
 from schuler.plotting.notebook import Displayed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from schuler.plotting import figure as content
 
 #: What became of an epoch (of its positions, or of its velocities); 0, 1 and 8 are usable.
 STATUS = MappingProxyType(
@@ -232,6 +238,48 @@ class PointSolution(Displayed):
                 f"of sight, {np.median(self.residual[late]):.0f} m late (median)"
             )
         return "; ".join(parts)
+
+    def figure(self) -> content.Figure:
+        """Positions about their mean, north over east; their 1-sigma and the satellites used, epoch by epoch.
+
+        Raises
+        ------
+        InputError
+            If no epoch was solved.
+        """
+        from schuler.plotting.figure import TIME, Figure, Markers, Panel, line, view
+
+        ok = self.ok
+        if not ok.any():
+            raise InputError(f"expected an epoch with a position to draw: {self.summary()}")
+        mean = frames.llh_from_ecef(self.r_e[ok].mean(axis=0))
+        at = frames.ned_from_ecef(self.r_e, mean)
+        C_ne = frames.C_en(mean).T
+        variance = np.einsum("ij,njk,ik->ni", C_ne, self.cov_r_e, C_ne)
+        sigma = np.where(ok[:, None], np.sqrt(np.maximum(variance, 0.0)), np.nan)
+        horizontal, vertical = np.hypot(sigma[:, 0], sigma[:, 1]), sigma[:, 2]
+        unchecked = self.status == 1
+        kinds = (("not checked", unchecked, "unused"), ("solved", ok & ~unchecked, "filtered"))
+        points = tuple(Markers(at[k, 1], at[k, 0], role, label) for label, k, role in kinds if k.any())
+        sigmas = (line(self.t, horizontal, "filtered", "horizontal"), line(self.t, vertical, "smoothed", "vertical"))
+        used = self.n_used.astype(float)
+        panels = (
+            Panel("east [m]", "north [m]", points, equal=True, height=2.5),
+            Panel(TIME, "1-sigma [m]", sigmas, y_limits=view((horizontal, vertical))),
+            Panel(TIME, "satellites [-]", (line(self.t, used, "filtered"),), y_limits=(0.0, float(used.max()) + 1.0)),
+        )
+        scatter = np.sqrt(np.mean(at[ok, :2] ** 2, axis=0))
+        caption = (
+            f"{int(ok.sum())} positions about their mean, {scatter[0]:.2f} m north and {scatter[1]:.2f} m east (root "
+            "mean square, of the motion too where there is one); 1-sigma as the ranges state it."
+        )
+        return Figure("points", "Single points", caption, panels, linked=False)
+
+    def plot(self) -> Figure:
+        """The figure of the positions (matplotlib)."""
+        from schuler.plotting.drawing import draw
+
+        return draw(self.figure())
 
 
 _ROW_FIELDS = ("sat", "excluded", "rate_excluded", "weight", "residual", "rate_residual")

@@ -300,7 +300,7 @@ def _layout(path: Path, given: str | None) -> tuple[list[str], set[str]]:
 def is_plain(path: Path) -> bool:
     """Whether a file is a table of text that no format claims."""
     head = head_of(path)
-    if not head or b"\x00" in head or head.startswith(b"PAR1"):
+    if not head or lines.is_binary(head) or head.startswith(b"PAR1"):
         return False
     if registry.find(head, path) is not None or rtklib.looks_like_pos(head) or path.suffix.lower() == ".pos":
         return False

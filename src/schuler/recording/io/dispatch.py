@@ -266,7 +266,7 @@ def _format_of(path: Path, hints: ReadHints) -> ModuleType | None:
     if path.is_dir():
         return registry.find_folder(path)
     head = lines.check_file(path)
-    if hints.columns is not None and b"\x00" not in head:
+    if hints.columns is not None and not lines.is_binary(head):
         return None  # a table, as the user says
     return registry.find(head, path)
 

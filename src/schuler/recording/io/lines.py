@@ -29,6 +29,7 @@ _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _DATE = re.compile(r"\d{1,4}[-/:]\d{1,2}[-/:]\d{1,4}")
 _HEAD_BYTES = 1 << 16
+_NOT_PRINTED = bytes(code for code in range(32) if code not in b"\t\n\v\f\r\x1b")
 _PACKED = (".gz", ".bz2", ".xz", ".lzma")
 #: Longest line that is split into fields: twenty thousand columns. [characters]
 LONGEST = 1 << 19
@@ -164,6 +165,19 @@ def check_file(path: Path) -> bytes:
     return head
 
 
+def is_binary(head: bytes) -> bool:
+    """Whether zero bytes in the beginning of a file are those of binary data.
+
+    A text may hold some, too, where a logger lost power or a wire was loose: all but a tenth of what is not zero stands
+    in lines without any, and these are of printed characters.
+    """
+    if b"\x00" not in head:
+        return False
+    sound = b"".join(line for line in head.splitlines(keepends=True) if b"\x00" not in line)
+    written = len(head) - head.count(b"\x00")
+    return 10 * len(sound) < 9 * written or len(sound.translate(None, _NOT_PRINTED)) < len(sound)
+
+
 def encoding_of(head: bytes, path: Path) -> str:
     """Encoding to open a text file with.
 
@@ -176,7 +190,7 @@ def encoding_of(head: bytes, path: Path) -> str:
         return "utf-8-sig"
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise FileFormatError("expected UTF-8 or ASCII text, got UTF-16: save the file as UTF-8 or plain CSV", path)
-    if b"\x00" in head:
+    if is_binary(head):
         raise FileFormatError(
             "expected text, got a binary file (with zero bytes); text, .parquet, .mat, .npy, .npz and .pos are read",
             path,

@@ -223,6 +223,24 @@ def test_one_zoom_and_one_time_for_all_figures_of_a_run(tmp_path, request):
         assert chromium.errors(page) == ()
 
 
+#: Words of the track that the buttons cover, as they do where the mouse is over it, and on screens that are touched.
+COVERED = f"""Array.from({TRACK}.querySelectorAll('text')).filter(word => word.textContent.trim() && Array.from(
+  {TRACK}.querySelectorAll('.modebar-group')).some(group => {{
+    const a = word.getBoundingClientRect(), b = group.getBoundingClientRect();
+    return a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+  }})).map(word => word.textContent)"""
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("width", [1280, 390])
+def test_the_buttons_cover_no_word_of_the_track(tmp_path, request, width):
+    with chromium.opened(navigation(tmp_path, request), width) as page:
+        chromium.wait_for(page, f"{UNDRAWN} === 0")
+        assert chromium.run(page, f"{TRACK}.querySelectorAll('.modebar-group').length") > 1
+        assert chromium.run(page, f"{TRACK}.querySelectorAll('text').length") > 5
+        assert chromium.run(page, COVERED) == []
+
+
 LOG = "document.querySelector('.plot[data-figure=log]')"
 
 

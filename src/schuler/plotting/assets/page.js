@@ -115,7 +115,8 @@
     var ink = css.getPropertyValue("--ink").trim(), grid = css.getPropertyValue("--grid").trim();
     layout.font = { family: getComputedStyle(document.body).fontFamily, size: 12, color: ink };
     layout.paper_bgcolor = layout.plot_bgcolor = "rgba(0,0,0,0)";
-    layout.margin = { l: 58, r: 8, t: 8, b: layout.xaxis.title.text ? 40 : 22 };
+    // the buttons stand above a plan, whose meridians and north arrow are labelled at its upper edge
+    layout.margin = { l: 58, r: 8, t: div.classList.contains("plan") && !printing ? 38 : 8, b: layout.xaxis.title.text ? 40 : 22 };
     if (layout.yaxis.ticktext && !div.dataset.time) {  // names in full; panels over time stay below each other
       var longest = Math.max.apply(null, layout.yaxis.ticktext.map(function (word) { return word.length; }));
       layout.margin.l = Math.max(58, Math.min(7 * longest + 12, 0.5 * div.clientWidth));

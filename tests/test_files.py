@@ -11,7 +11,7 @@ import pytest
 
 from schuler import files
 from schuler.exceptions import ConfigError, FileFormatError, InputError, OverwriteError
-from schuler.files import outputs, read_toml, replacing, sha256, write_text
+from schuler.files import new_folder, outputs, read_toml, replacing, sha256, write_text
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no permission bits or umask")
 
@@ -207,6 +207,44 @@ def write_set(folder: Path, text: str = "x") -> None:
 def test_toml_that_never_ends_is_refused():
     with pytest.raises(ConfigError, match=r"not a TOML file: longer than 1e\+07 characters"):
         read_toml("/dev/zero")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes here")
+def test_a_pipe_that_nobody_writes_to_is_refused_and_those_of_a_shell_are_read_twice(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(ConfigError, match="pipe: expected a file, it is a named pipe and may wait for ever"):
+        read_toml(tmp_path / "pipe")
+    script = "import sys; from schuler.files import read_toml; print([read_toml(sys.argv[1]) for _ in '12'])"
+    for path, command in (("/dev/stdin", 'echo "x = 3" | "$@" /dev/stdin'), ("/dev/fd", '"$@" <(echo "x = 3")')):
+        done = subprocess.run(
+            ["bash", "-c", command, "bash", sys.executable, "-c", script], capture_output=True, text=True, timeout=60
+        )
+        assert done.stdout == "[{'x': 3}, {'x': 3}]\n", (path, done.stderr)
+
+
+def write_files(place):
+    with outputs():
+        write_text(place / "a.txt", "a")
+
+
+def write_folder(place):
+    with new_folder(place) as folder:
+        (folder / "a.txt").touch()
+
+
+@pytest.mark.parametrize("make", [write_files, write_folder])
+def test_a_folder_that_another_run_makes_meanwhile_is_called_as_the_user_did(tmp_path, monkeypatch, make):
+    place, rename = tmp_path / "out", os.rename
+
+    def late(old, new):
+        (place / "other").mkdir(parents=True)  # between the look and the name
+        rename(old, new)
+
+    monkeypatch.setattr(os, "rename", late)
+    with pytest.raises(InputError, match=r"^\S*/out was made by another run meanwhile; nothing was written"):
+        make(place)
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+    assert [path.name for path in place.iterdir()] == ["other"]
 
 
 def test_a_set_of_files_appears_at_once(tmp_path):

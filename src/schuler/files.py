@@ -10,7 +10,6 @@ import shutil
 import signal
 import tempfile
 import threading
-import tomllib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
@@ -21,15 +20,14 @@ from typing import Any
 import numpy as np
 
 from schuler.exceptions import InputError, OverwriteError, TomlError
+from schuler.toml import parsed_toml
 
 _MANY = 4_000_000  # bytes that are worth a thread
-_DEEPEST = 50  # sections and lists within one another that a TOML file may have
-_TOO_DEEP = "its entries are nested too deeply"
+_LARGEST_TOML = 10_000_000  # characters
+_OF_SHELL = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # how its pipes are called
+_MADE_MEANWHILE = "{} was made by another run meanwhile; nothing was written: name another folder"
 _HIDDEN = ".schuler-"  # how temporaries begin
 LISTED = ".schuler.json"  # list of what commands wrote into a folder that they made
-
-
-_LARGEST_TOML = 10_000_000  # characters
 
 
 def read_toml(path: Path | str, missing: str = "no such configuration file") -> dict[str, Any]:
@@ -48,42 +46,25 @@ def read_toml(path: Path | str, missing: str = "no such configuration file") -> 
     """
     path = Path(path)
     note_input(path)
+    if piped := path.is_fifo():
+        if not str(path).startswith(_OF_SHELL):
+            raise TomlError("expected a file, it is a named pipe and may wait for ever: write its text to a file", path)
+        if path in _piped:
+            return parsed_toml(_piped[path])
     try:
         with path.open(encoding="utf-8-sig") as file:
             text = file.read(_LARGEST_TOML + 1)
         if len(text) > _LARGEST_TOML:  # a device never ends
             raise ValueError(f"longer than {_LARGEST_TOML:.0e} characters")
-        return parsed_toml(text)
+        data = parsed_toml(text)
     except FileNotFoundError:
         raise TomlError(missing, path) from None
     except OSError as error:
         raise TomlError(f"cannot be read: {error.strerror}", path) from None
     except ValueError as error:  # also of the encoding, of numbers of thousands of digits
         raise TomlError(f"not a TOML file: {error}", path) from None
-
-
-def parsed_toml(text: str) -> dict[str, Any]:
-    """Entries of TOML text.
-
-    Raises
-    ------
-    ValueError
-        With the reason, if it is none, or is nested too deeply or has integers beyond 64 bits: both of these pass
-        Python's reader and fail in what comes after it.
-    """
-    try:
-        data = tomllib.loads(text)
-    except RecursionError:
-        raise ValueError(_TOO_DEEP) from None
-    left: list[tuple[Any, int]] = [(data, 0)]
-    while left:
-        value, depth = left.pop()
-        if depth > _DEEPEST:
-            raise ValueError(_TOO_DEEP)
-        if isinstance(value, int) and not -(2**63) <= value < 2**63:
-            raise ValueError("an integer has more than 64 bits")
-        within = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-        left += [(one, depth + 1) for one in within]
+    if piped:
+        _piped[path] = text
     return data
 
 
@@ -101,6 +82,7 @@ class _Outputs:
 
 _outputs: _Outputs | None = None
 _tidied: set[Path] = set()  # folders in which this process has looked for what a killed one left
+_piped: dict[Path, str] = {}  # what came out of a shell's pipes, which give it once, for who asks again
 
 
 @contextmanager
@@ -202,8 +184,7 @@ def new_folder(path: Path | str) -> Iterator[Path]:
     path.parent.mkdir(parents=True, exist_ok=True)
     with temporary_folder(path.parent) as folder:
         yield folder
-        os.chmod(folder, 0o777 & ~_umask())
-        os.rename(folder, path)
+        _name(folder, path)
 
 
 def write_text(path: Path | str, text: str, *, at_once: bool = False) -> Path:
@@ -367,7 +348,7 @@ def _put_in_place(run: _Outputs) -> None:
             earlier[name] = [*earlier.get(name, [])[-1:], _checksum(temporary)]  # either may be there after a kill
     for top in run.made:
         if top.exists():
-            raise InputError(f"{top} was made by another run meanwhile; nothing was written: name another folder")
+            raise InputError(_MADE_MEANWHILE.format(top))
     for top, entries in lists.items():
         folder = run.made[top][0] if top in run.made else top
         text = json.dumps({"written by": "schuler; files that are still as listed may be replaced", "files": entries})
@@ -380,11 +361,22 @@ def _put_in_place(run: _Outputs) -> None:
                     place.parent.mkdir(parents=True, exist_ok=True)
                     os.replace(temporary, place)
                     held.close()
-            os.chmod(folder, 0o777 & ~_umask())
-            os.rename(folder, top)
+            _name(folder, top)
         for target, (temporary, _) in run.waiting.items():
             if not any(top in target.parents for top in run.made):
                 os.replace(temporary, target)
+
+
+def _name(folder: Path, place: Path) -> None:
+    """Give a hidden folder its name, which another run may have taken in this moment."""
+    os.chmod(folder, 0o777 & ~_umask())
+    try:
+        os.rename(folder, place)
+    except OSError as error:
+        if place.exists():
+            raise InputError(_MADE_MEANWHILE.format(place)) from None
+        error.filename, error.filename2 = str(place), None  # the name that the user knows
+        raise
 
 
 @contextmanager

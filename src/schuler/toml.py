@@ -10,6 +10,34 @@ from typing import Any
 
 from schuler.exceptions import TomlError
 
+_DEEPEST = 50  # sections and lists within one another that a TOML file may have
+_TOO_DEEP = "its entries are nested too deeply"
+
+
+def parsed_toml(text: str) -> dict[str, Any]:
+    """Entries of TOML text.
+
+    Raises
+    ------
+    ValueError
+        With the reason, if it is none, or is nested too deeply or has integers beyond 64 bits: both of these pass
+        Python's reader and fail in what comes after it.
+    """
+    try:
+        data = tomllib.loads(text)
+    except RecursionError:
+        raise ValueError(_TOO_DEEP) from None
+    left: list[tuple[Any, int]] = [(data, 0)]
+    while left:
+        value, depth = left.pop()
+        if depth > _DEEPEST:
+            raise ValueError(_TOO_DEEP)
+        if isinstance(value, int) and not -(2**63) <= value < 2**63:
+            raise ValueError("an integer has more than 64 bits")
+        within = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+        left += [(one, depth + 1) for one in within]
+    return data
+
 
 def toml_with(text: str, entries: Mapping[str, Any], remarks: Mapping[str, str] | None = None) -> str:
     """TOML with entries put in, everything else as it was: order, comments, spelling.

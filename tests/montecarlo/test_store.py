@@ -171,6 +171,7 @@ def test_folders_that_are_no_stores(runs, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(InputError, match=r"it holds notes\.txt; give another folder"):
         campaign(runs.values, {}, 5, workers=1, store=tmp_path)
+    assert names(tmp_path) == ["notes.txt"]
     with pytest.raises(InputError, match="expected a folder"):
         campaign(runs.values, {}, 5, workers=1, store=tmp_path / "notes.txt")
     with pytest.raises(FileFormatError, match="not the store of a campaign"):

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from schuler.exceptions import InputError
-from schuler.files import parsed_toml
+from schuler.toml import parsed_toml
 
 if TYPE_CHECKING:
     from schuler.navigation.config import NavigationConfig

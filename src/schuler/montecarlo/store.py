@@ -144,6 +144,7 @@ def opened(folder: Path | str, identity: Mapping[str, Any], *, resume: bool = Tr
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: expected a folder for the results of the campaign, this is a file")
     folder.mkdir(parents=True, exist_ok=True)
+    _refuse_other(folder)  # before anything is left in it
     about = identity.get("about")
     identity = {k: v for k, v in identity.items() if k != "about"}
     with _alone(folder):
@@ -151,12 +152,7 @@ def opened(folder: Path | str, identity: Mapping[str, Any], *, resume: bool = Tr
         if path.is_file():
             _check(read_manifest(folder), identity, folder)
         else:
-            strange = [p.name for p in sorted(folder.iterdir()) if not p.name.startswith(".")]
-            if strange:
-                raise InputError(
-                    f"{folder}: expected an empty folder or the store of a campaign, it holds {strange[0]}; "
-                    "give another folder"
-                )
+            _refuse_other(folder)
             document = {"format": FORMAT, **identity, "about": about}
             write_text(path, json.dumps(document, indent=1, sort_keys=True) + "\n", at_once=True)
         store = Store(folder, identity)
@@ -166,6 +162,15 @@ def opened(folder: Path | str, identity: Mapping[str, Any], *, resume: bool = Tr
                 "(--resume, resume=True) or give another folder"
             )
         yield store
+
+
+def _refuse_other(folder: Path) -> None:
+    """Raise InputError if a folder holds files and is no store."""
+    strange = [p.name for p in sorted(folder.iterdir()) if not p.name.startswith(".")]
+    if strange and MANIFEST not in strange:
+        raise InputError(
+            f"{folder}: expected an empty folder or the store of a campaign, it holds {strange[0]}; give another folder"
+        )
 
 
 def read_manifest(folder: Path | str) -> dict[str, Any]:

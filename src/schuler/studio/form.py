@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from schuler.exceptions import InputError
-from schuler.files import parsed_toml
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.sections import Config
-from schuler.toml import toml_value
+from schuler.toml import parsed_toml, toml_value
 
 _UNITS = (
     ("_deg_s_rthz", "deg/s/√Hz"), ("_deg_hr", "deg/h"), ("_m_s2", "m/s²"), ("_deg_s", "deg/s"), ("_m_s", "m/s"),

@@ -516,7 +516,6 @@ def _solutions(run: Callable[[str], Any]) -> dict[str, Callable]:
         "navigation.report.satellites.geometry": lambda: satellites.geometry(ranges(), solve_points(ranges(), integrity=None)),
         "navigation.report.satellites.strengths": lambda: satellites.strengths(ranges()),
         "navigation.report.satellites.satellite_figures": lambda: satellites.satellite_figures(ranges()),
-        "gnss.point_result.PointSolution.figure": lambda: single_points(False).points.figure(),
         "navigation.report.points.point_track": lambda: each(points.point_track),
         "navigation.report.points.position_figure": lambda: each(points.position_figure),
         "navigation.report.points.level_figure": lambda: each(points.level_figure),

@@ -54,6 +54,11 @@ def css_name(role: str, *, area: bool = False) -> str:
     return f"--{role.replace('_', '-')}{_AREA if area else ''}"
 
 
+def shown_as_is(text: str) -> str:
+    """Words as plotly shows them: it would take ``<b>`` for a style, ``<a>`` for a link, ``%{y}`` for a value."""
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace("%{", "%&#123;")
+
+
 def panel_data(figure: Figure, panel: Panel) -> dict[str, Any]:
     """Traces and layout of one panel.
 
@@ -84,7 +89,8 @@ def panel_data(figure: Figure, panel: Panel) -> dict[str, Any]:
         layout["xaxis"]["visible"] = layout["yaxis"]["visible"] = False
     if panel.y_ticks:
         layout["yaxis"] |= {
-            "tickmode": "array", "tickvals": [v for v, _ in panel.y_ticks], "ticktext": [w for _, w in panel.y_ticks],
+            "tickmode": "array", "tickvals": [v for v, _ in panel.y_ticks],
+            "ticktext": [shown_as_is(w) for _, w in panel.y_ticks],
         }  # fmt: skip
     pictures = [item for item in panel.items if isinstance(item, Picture)]
     if pictures:
@@ -114,7 +120,7 @@ def panel_data(figure: Figure, panel: Panel) -> dict[str, Any]:
                 # plotly wants exponents here, unlike for lines and shapes
                 "x": _round(math.log10(w.x) if panel.log_x else w.x, 4),
                 "y": _round(math.log10(w.y) if panel.log else w.y, 4),
-                "text": w.text, "showarrow": False, "yanchor": "bottom", "font": {"size": 12},
+                "text": shown_as_is(w.text), "showarrow": False, "yanchor": "bottom", "font": {"size": 12},
                 **({"xanchor": "left"} if w.place == "right" else {}),
             }
             for w in texts
@@ -128,9 +134,8 @@ def panel_data(figure: Figure, panel: Panel) -> dict[str, Any]:
     if panel.bare or panel.y_ticks:  # the coordinates say nothing there
         for one in traces:
             if "hovertemplate" in one:
-                one["hovertemplate"] = (
-                    f"<extra>{one['name']}</extra>" if panel.bare else f"%{{x:.5~g}}<extra>{one['name']}</extra>"
-                )
+                name = shown_as_is(one["name"])
+                one["hovertemplate"] = f"<extra>{name}</extra>" if panel.bare else f"%{{x:.5~g}}<extra>{name}</extra>"
     return {"data": traces, "layout": layout, **({"samples": samples} if samples else {})}
 
 
@@ -178,7 +183,7 @@ def trace(item: Item, *, log: bool = False, log_x: bool = False) -> dict[str, An
 
 
 def _hover(label: str) -> dict[str, Any]:
-    return {"hovertemplate": f"%{{y:.4~g}}<extra>{label}</extra>"}
+    return {"hovertemplate": f"%{{y:.4~g}}<extra>{shown_as_is(label)}</extra>"}
 
 
 def _along(item: Line) -> dict[str, Any]:
@@ -187,11 +192,11 @@ def _along(item: Line) -> dict[str, Any]:
     for k, (name, values) in enumerate(item.along):
         words, _, unit = name.rstrip("]").partition(" [")
         text = values.dtype.kind == "U"
-        lines.append(f"{words} %{{customdata[{k}]{'' if text else ':.5~g'}}} {unit}")
+        lines.append(f"{shown_as_is(words)} %{{customdata[{k}]{'' if text else ':.5~g'}}} {unit}")
         columns.append(values.tolist() if text else _numbers(np.asarray(values, dtype=np.float64)))
     return {
         "customdata": [list(row) for row in zip(*columns, strict=True)],
-        "hovertemplate": "<br>".join(lines) + f"<extra>{item.label}</extra>",
+        "hovertemplate": "<br>".join(lines) + f"<extra>{shown_as_is(item.label)}</extra>",
     }
 
 
@@ -244,7 +249,7 @@ def _integers(values: FloatArray, step: float) -> dict[str, Any]:
 
 
 def _axis(label: str, limits: tuple[float, float] | None, *, log: bool) -> dict[str, Any]:
-    axis: dict[str, Any] = {"title": {"text": label}}
+    axis: dict[str, Any] = {"title": {"text": shown_as_is(label)}}
     if log:
         axis |= {"type": "log", "dtick": 1}
     if limits is not None and limits[1] > limits[0]:

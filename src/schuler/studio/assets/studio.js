@@ -7,6 +7,7 @@
   const charts = new Map(); // element: {draw, load}
   const CONFIG = { displayModeBar: false, responsive: true, doubleClick: false };
 
+  const plain = (text) => String(text).replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll("%{", "%&#123;"); // no markup to plotly
   const axis = (title) => ({
     title: { text: title, font: { size: 12 }, standoff: 6 }, gridcolor: colour("grid"), zerolinecolor: colour("rule"),
     linecolor: colour("rule"), tickfont: { size: 11 }, automargin: true,
@@ -45,11 +46,11 @@
     shown.panels.forEach((panel, k) => {
       const high = 1 - k * (1 / many) - (k ? gap / 2 : 0), low = 1 - (k + 1) * (1 / many) + (k < many - 1 ? gap / 2 : 0);
       const name = "yaxis" + (k ? k + 1 : "");
-      layout[name] = { ...axis(panel.label), domain: [Math.max(low, 0), high], fixedrange: true };
+      layout[name] = { ...axis(plain(panel.label)), domain: [Math.max(low, 0), high], fixedrange: true };
       for (const curve of panel.curves) {
-        data.push({ type: "scatter", mode: "lines", name: curve.name, legendgroup: curve.name, showlegend: !legend.has(curve.name),
+        data.push({ type: "scatter", mode: "lines", name: plain(curve.name), legendgroup: curve.name, showlegend: !legend.has(curve.name),
           x: curve.x, y: curve.y, yaxis: "y" + (k ? k + 1 : ""), line: { color: colour(curve.role), width: 1.1, simplify: false },
-          hovertemplate: `%{y:.5~g}<extra>${curve.name}</extra>` });
+          hovertemplate: `%{y:.5~g}<extra>${plain(curve.name)}</extra>` });
         legend.add(curve.name);
       }
     });
@@ -187,9 +188,9 @@
     const vehicle = () => shown.curves.find((one) => one.role === "filtered") || shown.curves[0];
     const draw = () => {
       if (!shown) return;
-      const data = shown.curves.map((c) => ({ type: "scatter", mode: c.role === "measured" ? "markers" : "lines", name: c.name,
+      const data = shown.curves.map((c) => ({ type: "scatter", mode: c.role === "measured" ? "markers" : "lines", name: plain(c.name),
         x: c.east, y: c.north, customdata: c.t, line: { color: colour(c.role), width: c.role === "smoothed" ? 1.2 : 2 },
-        marker: { color: colour(c.role), size: 4 }, hovertemplate: `%{customdata:.1f} s<br>%{y:.1f} m north, %{x:.1f} m east<extra>${c.name}</extra>` }));
+        marker: { color: colour(c.role), size: 4 }, hovertemplate: `%{customdata:.1f} s<br>%{y:.1f} m north, %{x:.1f} m east<extra>${plain(c.name)}</extra>` }));
       for (const [start, stop] of windows(element)) {
         const c = vehicle();
         if (!c) continue;
@@ -204,7 +205,7 @@
         const p = map.picture;
         if (p) extra.images = [{ source: p.address, xref: "x", yref: "y", x: p.left, y: p.top, sizex: p.right - p.left, sizey: p.top - p.bottom,
           sizing: "stretch", layer: "below", opacity: 0.75 }];
-        if (map.credit) extra.annotations = [{ text: map.credit.replaceAll("<", "&lt;"), xref: "paper", yref: "paper", x: 1, y: 0, xanchor: "right",
+        if (map.credit) extra.annotations = [{ text: plain(map.credit), xref: "paper", yref: "paper", x: 1, y: 0, xanchor: "right",
           yanchor: "bottom", showarrow: false, font: { size: 10 }, bgcolor: colour("ground"), opacity: 0.85 }];
       }
       Plotly.react(element, data, { ...base(), ...extra, dragmode: "pan", hovermode: "closest", xaxis: { ...axis("east [m]"), zeroline: false, range: ranges[0] },
@@ -281,7 +282,7 @@
       }));
       const places = [...element.children].filter((child) => child.tagName === "DIV");
       shown.panels.forEach((panel, k) => {
-        const layout = coloured(panel.layout), plain = base();
+        const layout = coloured(panel.layout), own = base();
         const words = (layout.yaxis.ticktext || []).map((word) => word.length);
         const both = Object.fromEntries(["xaxis", "yaxis"].map((name) => [name, { ...axis(""), ...layout[name],
           title: { ...axis("").title, ...layout[name].title }, zeroline: false, nticks: layout[name].tickvals ? undefined : 6 }]));
@@ -290,10 +291,10 @@
         const data = coloured(panel.data).map((trace) => {
           const first = trace.name && !names.has(trace.name);
           names.add(trace.name);
-          return { ...trace, showlegend: Boolean(first) };
+          return { ...trace, name: plain(trace.name || ""), showlegend: Boolean(first) };
         });
-        Plotly.react(places[k], data, { ...layout, ...plain, ...both, hovermode: layout.hovermode, height,
-          margin: { ...plain.margin, t: 6, l: Math.max(plain.margin.l, 7 * Math.max(0, ...words) + 12) },
+        Plotly.react(places[k], data, { ...layout, ...own, ...both, hovermode: layout.hovermode, height,
+          margin: { ...own.margin, t: 6, l: Math.max(own.margin.l, 7 * Math.max(0, ...words) + 12) },
           showlegend: names.size > 1 || names.has("x"), dragmode: false }, CONFIG);
       });
     };
@@ -352,7 +353,7 @@
       body = document.createElement("div");
       element.replaceChildren(terms, slopes, body);
     };
-    const curve = (x, y, name, look, more) => ({ type: "scatter", mode: "lines", x, y, name, line: look, hovertemplate: "%{y:.4~g}<extra>" + name + "</extra>", ...more });
+    const curve = (x, y, name, look, more) => ({ type: "scatter", mode: "lines", x, y, name: plain(name), line: look, hovertemplate: "%{y:.4~g}<extra>" + plain(name) + "</extra>", ...more });
     const draw = () => {
       if (!shown) return;
       const kept = Object.entries(shown.terms).filter(([name]) => !off.has(name));

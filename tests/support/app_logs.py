@@ -9,7 +9,7 @@ from benchmarks import loggers
 from diagnosis_drives import drive
 from messy_folders import BOARD_RUB, nmea
 
-from schuler import units
+from schuler import frames, units
 from schuler.arrays import FloatArray
 from schuler.recording.io.clock import to_unix
 from schuler.recording.recording import Recording
@@ -212,6 +212,73 @@ def flight_tables(path: Path) -> Drive:
     return d
 
 
+def adafruit(path: Path) -> Drive:
+    """Blocks of lines as Adafruit's examples print them, with the times of a serial monitor."""
+    d = driven(50.0, FLU)
+    rows = []
+    for stamp, f, w in zip(d.dates, d.accel, d.gyro, strict=True):
+        block = (
+            "\t\tTemperature 25.31 deg C",
+            f"\t\tAccel X: {f[0]:.2f} \tY: {f[1]:.2f} \tZ: {f[2]:.2f} m/s^2 ",
+            f"\t\tGyro X: {w[0]:.2f} \tY: {w[1]:.2f} \tZ: {w[2]:.2f} radians/s ",
+            "",
+        )
+        rows += [f"{stamp[11:23]} -> {line}" for line in block]
+    (path / "serial.txt").write_text("\n".join(rows) + "\n")
+    (path / "gps.nmea").write_text(nmea(replace(d.truth, gnss=d.fixes)), newline="")
+    return d
+
+
+def ros2_echo(path: Path) -> Drive:
+    """Messages as ``ros2 topic echo --csv`` prints them: every field, no header."""
+    d = driven(100.0, FLU)
+    stamps = [
+        np.asarray(to_unix(t, d.truth.metadata.time)).astype(np.int64) for t in (d.t + d.truth.imu.t[0], d.fixes.t)
+    ]
+    nine = "0.01,0.0,0.0,0.0,0.01,0.0,0.0,0.0,0.01"
+    rows = [
+        f"{ns // 10**9},{ns % 10**9},imu_link,0.0,0.0,0.0,1.0,{nine},{w[0]:.9f},{w[1]:.9f},{w[2]:.9f},{nine},"
+        f"{f[0]:.9f},{f[1]:.9f},{f[2]:.9f},{nine}"
+        for ns, w, f in zip(stamps[0].tolist(), d.gyro, d.accel, strict=True)
+    ]
+    (path / "imu.csv").write_text("\n".join(rows) + "\n")
+    variances = "2.25,0.0,0.0,0.0,2.25,0.0,0.0,0.0,9.0"
+    rows = [
+        f"{ns // 10**9},{ns % 10**9},gps,0,1,{lat:.9f},{lon:.9f},{h:.3f},{variances},2"
+        for ns, lat, lon, h in zip(stamps[1].tolist(), *d.places[:3], strict=True)
+    ]
+    (path / "fix.csv").write_text("\n".join(rows) + "\n")
+    return d
+
+
+def decimeter_challenge(path: Path) -> Drive:
+    """Sensors a row each, places that all satellites of an epoch repeat, and the truth."""
+    d = driven(100.0, BOARD_RUB)
+    t, fixes = (
+        np.round(np.asarray(to_unix(t, d.truth.metadata.time)) / 1e6).astype(np.int64).tolist()
+        for t in (d.t + d.truth.imu.t[0], d.fixes.t)
+    )
+    rows = ["MessageType,utcTimeMillis,MeasurementX,MeasurementY,MeasurementZ,BiasX,BiasY,BiasZ"]
+    for ms, f, w in zip(t, d.accel, d.gyro, strict=True):
+        rows.append(f"UncalAccel,{ms},{f[0]:.6f},{f[1]:.6f},{f[2]:.6f},0.0,0.0,0.0")
+        rows.append(f"UncalGyro,{ms},{w[0]:.7f},{w[1]:.7f},{w[2]:.7f},0.0,0.0,0.0")
+    (path / "device_imu.csv").write_text("\n".join(rows) + "\n")
+    rows = ["MessageType,utcTimeMillis,TimeNanos,Svid,Cn0DbHz," + ",".join(f"WlsPosition{c}EcefMeters" for c in "XYZ")]
+    for ms, r in zip(fixes, frames.ecef_from_llh(d.fixes.llh), strict=True):
+        rows += [f"Raw,{ms},{ms}000000,{sat},38.5,{r[0]:.4f},{r[1]:.4f},{r[2]:.4f}" for sat in range(3, 9)]
+    (path / "device_gnss.csv").write_text("\n".join(rows) + "\n")
+    rows = [
+        "MessageType,Provider,LatitudeDegrees,LongitudeDegrees,AltitudeMeters,SpeedMps,BearingDegrees,UnixTimeMillis"
+    ]
+    rows += [
+        f"Fix,GT,{lat:.9f},{lon:.9f},{h:.3f},{speed:.3f},{course:.2f},{ms}"
+        for lat, lon, h, speed, course, ms in zip(*d.places, fixes, strict=True)
+    ]
+    (path / "ground_truth.csv").write_text("\n".join(rows) + "\n")
+    return d
+
+
 LAYOUTS: tuple[Callable[[Path], Drive], ...] = (
-    andro_sensor, sensor_log, blackbox, openlog, shimmer, movella_dot, sensor_words, flight_tables,
+    andro_sensor, sensor_log, blackbox, openlog, shimmer, movella_dot, sensor_words, flight_tables, adafruit,
+    ros2_echo, decimeter_challenge,
 )  # fmt: skip

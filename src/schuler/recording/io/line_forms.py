@@ -37,6 +37,10 @@ _NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?!D(?
 _LABEL = re.compile(r"(?<!\w)[A-Za-z/]\w*\]?\s*[:=]\s*[(\[]?\s*[-+.\d]")
 #: A sensor before its axes, with a unit or without: ``ACCEL(m/s²): X=0.06,Y=-0.20``.
 _GROUP = re.compile(r"([A-Za-z]\w*)\s*(?:[(\[]([^)\]]*)[)\]])?\s*:\s*([A-Za-z]\w*)\s*=\s*[(\[]?\s*$")
+#: A sensor and its first axis, the others behind it: ``Accel X: 0.12 Y: -0.20 Z: 9.81 m/s^2``.
+_AXIS = re.compile(r"(?<!\w)([A-Za-z]\w*)\s+([XYZxyz])\s*[:=]\s*$")
+_FIRST_AXIS = re.compile(r"(?<!\w)[A-Za-z]\w*\s+[XYZxyz]\s*[:=]\s*[-+.\d]")
+_NEXT_AXIS = re.compile(r"[^\w]*([XYZxyz])\s*[:=]\s*")
 _MEMBER = re.compile(r"[^\w]*([A-Za-z]\w*)\s*=\s*[(\[]?\s*")
 _UNIT = re.compile(r"\s?([a-zA-Z°/^0-9]+)")
 _TICKS = {"TimeUS": "time [us]", "TimeMS": "time [ms]"}
@@ -102,7 +106,8 @@ def is_free(rows: Sequence[str]) -> bool:
     rows : sequence of str
     """
     forms = Counter(form for row in rows if _LABEL.search(_rest(row)[1]) and (form := _NUMBER.sub("#", _rest(row)[1])))
-    return any(n >= _FEWEST and n > _SHARE * len(rows) and form.count("#") > 2 for form, n in forms.items())
+    repeated = [n for form, n in forms.items() if n >= _FEWEST and form.count("#") > 2]  # a line for each sensor
+    return sum(repeated) > _SHARE * len(rows)
 
 
 def are_named(rows: Sequence[str]) -> bool:
@@ -358,12 +363,13 @@ def _rest(row: str) -> tuple[Row, str]:
 
 
 def free_rows(path: Path) -> Iterator[tuple[str, Row]]:
-    """Numbers by the words before them; sentences of NMEA as they are.
+    """Numbers by the words before them; sentences of NMEA as they are; lines of a sensor each in turn as one row.
 
     Parameters
     ----------
     path : Path
     """
+    block: dict[str, Row] = {}  # of sensors that have a line each, by their names
     for text in text_of(path):
         if sentence := _SENTENCE.search(text):
             yield SENTENCES, {"": sentence[0].strip()}
@@ -373,26 +379,61 @@ def free_rows(path: Path) -> Iterator[tuple[str, Row]]:
         clocks = [n for n in numbers if (c := columns.recognise(n)) is not None and c[0] == "t"]
         if any(name.split()[0] != "T" for name in clocks):  # a T beside a stamp is a temperature
             row = {}  # when it arrived; the device's own is better
+        if _FIRST_AXIS.search(rest) and (named := _one_sensor(numbers)):
+            if named in block:
+                yield _joined(block)
+                block = {}
+            block[named] = row | numbers
+            continue
         grouped = _GROUP.search(rest[: number.start()]) if (number := _NUMBER.search(rest)) else None
         kind = " ".join(numbers) if grouped else _NUMBER.sub("", rest).strip()  # words of a state may change
         yield kind if numbers else "", row | numbers
+    if block:
+        yield _joined(block)
+
+
+def _one_sensor(numbers: Row) -> str:
+    """Sensor whose three axes are all that a line has; empty if it is no such line."""
+    names = [name.partition(" [")[0] for name in numbers]
+    stems = {name[:-2] for name in names}
+    return stems.pop() if len(stems) == 1 and sorted(name[-2:].upper() for name in names) == ["_X", "_Y", "_Z"] else ""
+
+
+def _joined(block: dict[str, Row]) -> tuple[str, Row]:
+    """One row of the lines of several sensors, at the time of the first."""
+    row: Row = {}
+    for one in block.values():
+        row = one | row
+    return " ".join(block), row
 
 
 def _labelled(text: str) -> Row:
     """Numbers of a line: three of one label are its axes, two of a place latitude and longitude, six two sensors'."""
     values: dict[str, list[str]] = {}
-    label, group, of_group, at = "", "", "", 0
+    label, group, of_group, sensor, at = "", "", "", "", 0
     for number in _NUMBER.finditer(text):
+        if number.start() < at:  # the 2 of m/s^2
+            continue
         between = text[at : number.start()]
         if opened := _GROUP.search(between):
-            group, of_group, label = opened[1], opened[2] or "", f"{opened[1]}_{opened[3]}"
+            group, of_group, label, sensor = opened[1], opened[2] or "", f"{opened[1]}_{opened[3]}", ""
+        elif opened := _AXIS.search(between):
+            sensor, label, group = opened[1], f"{opened[1]}_{opened[2]}", ""
+        elif sensor and (axis := _NEXT_AXIS.fullmatch(between)):
+            label = f"{sensor}_{axis[1]}"
         elif group and (member := _MEMBER.fullmatch(between)):
             label = f"{group}_{member[1]}"
         elif re.search(r"[A-Za-z]", between.strip(_MARKS)):
-            label, group = re.split(r"[\s,;|]+", between.strip(_MARKS))[-1].strip(_MARKS), ""
+            label, group, sensor = re.split(r"[\s,;|]+", between.strip(_MARKS))[-1].strip(_MARKS), "", ""
         unit = _UNIT.match(text, number.end())
         at = unit.end() if unit and text_head.is_unit(unit[1]) else number.end()
         stated = unit[1] if unit and at > number.end() else of_group if group and text_head.is_unit(of_group) else ""
+        if sensor and stated:  # of all three, behind the last
+            stem = "RotationRate" if sensor == "Rotation" and stated.endswith("/s") else sensor
+            label = f"{stem}_{label[-1]}"
+            values = {
+                f"{stem}_{n[-1]} [{stated}]" if re.fullmatch(f"{sensor}_.", n) else n: x for n, x in values.items()
+            }
         values.setdefault(f"{label} [{stated}]" if stated else label, []).append(number[0])
     row: Row = {}
     for name, numbers in values.items():

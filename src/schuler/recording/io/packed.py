@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import TextIO, TypeAlias
 
 from schuler.exceptions import FileFormatError, SchulerError
-from schuler.recording.io import columns, json_tables, line_forms, lines
+from schuler.recording.io import columns, json_tables, line_forms, lines, satellite_rows, topic_rows
 
 Row: TypeAlias = dict[str, str]
 _LOOKED_AT = 200  # lines by which a file is recognised
@@ -71,6 +71,8 @@ def kind_of(path: Path) -> str | None:
     cut = len(head) < path.stat().st_size
     if registry.find(head, path) is not None:
         return None
+    if satellite_rows.has_places(text):
+        return "places"
     if _is_beside_nmea(text, cut=cut):
         return "beside-nmea"
     if received := kinds_of(path, head):
@@ -90,6 +92,8 @@ def kind_of(path: Path) -> str | None:
         return "labels"
     if line_forms.are_named(rows):
         return "named"
+    if topic_rows.are_messages(rows):
+        return "messages"
     if line_forms.are_triples(rows):
         return "triples"
     delimiter = line_forms.delimiter_of(rows[-1])
@@ -418,5 +422,6 @@ _ROWS: dict[str, Callable[[Path], Iterator[tuple[str, Row]]]] = {
     "column": _column, "beside-nmea": _beside_nmea, "vbox": _vbox,
     "named": line_forms.named_rows, "numbered": line_forms.numbered_rows,
     "triples": line_forms.triple_rows, "pairs": line_forms.paired_rows, "gaps": line_forms.rows_with_gaps,
-    "free": line_forms.free_rows,
+    "free": line_forms.free_rows, "messages": topic_rows.message_rows,
+    "places": satellite_rows.place_rows,
 }  # fmt: skip

@@ -66,7 +66,9 @@ def test_fixes_and_an_imu_on_unix_time_have_one_clock(tmp_path, unit, second):
     assert recording.need_gnss().t[0] == pytest.approx(recording.need_imu().t[0], abs=1e-4)  # printed digits
 
 
-@pytest.mark.parametrize(("norm", "unit"), [(9.9, "m/s^2"), (1.02, "g"), (980.0, "mg"), (16384.0, "m/s^2")])
+@pytest.mark.parametrize(
+    ("norm", "unit"), [(9.9, "m/s^2"), (1.02, "g"), (980.0, "mg"), (16384.0, "m/s^2"), (1670.0, "m/s^2")]
+)
 def test_the_norm_of_gravity_tells_the_unit(norm, unit):
     assert tables.accel_unit(norm) == unit
 

@@ -278,7 +278,17 @@ def decimeter_challenge(path: Path) -> Drive:
     return d
 
 
+def counts_of_no_unit(path: Path) -> Drive:
+    """Counts whose number in a g is near thousandths of a g, and far enough from them."""
+    d = driven(50.0, FLU)
+    head = ["time_ms", *(f"raw_{sensor}{c}" for sensor in "ag" for c in "xyz")]
+    cols = [*triad(d.accel, 1670.0 / units.G0, 0), *triad(d.gyro, 16.4 / units.DEG, 0)]
+    save(path / "log.csv", head, [loggers.column(1e3 * d.t, 0), *cols])
+    (path / "gps.nmea").write_text(nmea(replace(d.truth, gnss=d.fixes)), newline="")
+    return d
+
+
 LAYOUTS: tuple[Callable[[Path], Drive], ...] = (
     andro_sensor, sensor_log, blackbox, openlog, shimmer, movella_dot, sensor_words, flight_tables, adafruit,
-    ros2_echo, decimeter_challenge,
+    ros2_echo, decimeter_challenge, counts_of_no_unit,
 )  # fmt: skip

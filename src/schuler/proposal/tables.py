@@ -25,6 +25,7 @@ _CLEARLY = 4.0  # times that the other sensor's norm spreads more
 #: Units of a counter, and the steps of an IMU's samples in it: 8 Hz to 4 kHz do not overlap from one to the next.
 _TIME_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
 _GRAVITY = 0.7  # logarithm of the median norm over gravity's that motion and a poor scale make
+_THOUSANDTHS = 0.15  # the same where they are thousandths of a g, between which and counts of 2048 in one there is more
 _POOR_SCALE = 0.15
 _FASTEST_S, _SLOWEST_S = 1.0 / 4000.0, 1.0 / 8.0
 _CALLED = {
@@ -313,13 +314,15 @@ def is_gravity(path: Path, accel: Sequence[int]) -> bool:
 def accel_unit(size: float) -> str:
     """Unit in which gravity has about a norm; m/s^2 where it is none of the usual ones.
 
+    Counts may be near thousandths of a g: these have to fit better, and what does not is judged by gravity at rest.
+
     Parameters
     ----------
     size : float
     """
     near = {unit: abs(np.log(size * factor_for(unit, "specific force") / G0)) for unit in ("m/s^2", "g", "mg")}
     unit = min(near, key=lambda name: near[name])
-    return unit if near[unit] < _GRAVITY else "m/s^2"
+    return unit if near[unit] < (_THOUSANDTHS if unit == "mg" else _GRAVITY) else "m/s^2"
 
 
 def half_of_imu(path: Path) -> str | None:

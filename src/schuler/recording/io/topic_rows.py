@@ -1,8 +1,8 @@
 """Messages of ROS 2 as ``ros2 topic echo --csv`` prints them: every field of a message in its order, and no header.
 
-sensor_msgs/Imu: seconds, nanoseconds, frame; orientation x, y, z, w and its covariance; angular velocity [rad/s] and its
-covariance; linear acceleration [m/s^2] and its covariance. sensor_msgs/NavSatFix: seconds, nanoseconds, frame; status
-and service; latitude, longitude [deg], altitude above the ellipsoid [m]; covariance, east, north, up [m^2], and its kind.
+sensor_msgs/Imu: seconds, nanoseconds, frame; orientation x, y, z, w, covariance; angular velocity [rad/s], covariance;
+linear acceleration [m/s^2], covariance. sensor_msgs/NavSatFix: seconds, nanoseconds, frame; status, service; latitude,
+longitude [deg], altitude above the ellipsoid [m]; covariance along east, north, up [m^2], and its kind.
 """
 
 from __future__ import annotations

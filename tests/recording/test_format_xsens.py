@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from format_drives import WEEK, drive, same_trajectory
 
-from schuler import rotation, units
+from schuler import frames, rotation, units
 from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.formats import registry
 from schuler.recording.io import read
@@ -162,6 +162,30 @@ TEXT = "\n".join((
     "// Start Time: Unknown", "// Update Rate: 100.0Hz", "// Filter Profile: human (46.1)", "// Firmware: 4.6.0",
     "PacketCounter\tSampleTimeFine\tAcc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y\tGyr_Z\tMag_X\tMag_Y\tMag_Z",
 ))  # fmt: skip
+
+
+def test_places_of_a_text_export_are_the_sensors_own_solution(tmp_path):
+    path = tmp_path / "MT_02.txt"
+    names = TEXT.replace("Mag_X\tMag_Y\tMag_Z", "Latitude\tLongitude\tAltitude\tVel_X\tVel_Y\tVel_Z")
+    places = [("0.0", "0.0", "0.0") if k < 5 else (f"{48.0 + 1e-6 * k:.6f}", "9.1", "300.5") for k in range(200)]
+    rows = [
+        f"{k:05d}\t{100 * k}\t0.1\t0.2\t9.8\t.01\t.02\t.03\t" + "\t".join((*place, "1", "2", "3"))
+        for k, place in enumerate(places)
+    ]
+    path.write_text("\n".join([names, *rows]) + "\n")
+    log = read(path)
+    assert len(log.imu) == 200
+    assert log.gnss is None
+    assert log.reference.v_eb_e is None or not np.abs(log.reference.v_eb_e).max() > 1.0
+    llh = frames.llh_from_ecef(log.reference.r_eb_e)
+    np.testing.assert_allclose(log.reference.t, 0.01 * np.arange(5, 200), rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(np.rad2deg(llh[:, 0]), 48.0 + 1e-6 * np.arange(5, 200), rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(llh[:, 2], 300.5, rtol=0.0, atol=1e-6)
+    assert any("the sensor's own solution" in note for note in log.metadata.notes)
+    path.write_text(path.read_text().replace("\t48.000150\t9.1\t300.5\t", "\t\t\t\t"))
+    log = read(path)  # the IMU is complete where a place is not
+    assert log.reference is None
+    assert len(log.imu) == 200
 
 
 def test_text_export(tmp_path):

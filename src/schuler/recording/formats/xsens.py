@@ -42,6 +42,7 @@ _TO_NED = {
 _NAMES = re.compile(rb"^(?:\xef\xbb\xbf)?PacketCounter[\t,;].*\bAcc_X\b", re.MULTILINE)
 _RATE = re.compile(r"//\s*(?:Update|Sample)\s*rate\s*:\s*([0-9]+(?:\.[0-9]*)?)\s*Hz", re.IGNORECASE)
 _ACCEL, _GYRO = ("Acc_X", "Acc_Y", "Acc_Z"), ("Gyr_X", "Gyr_Y", "Gyr_Z")
+_PLACE = ("Latitude", "Longitude", "Altitude")  # [deg], [deg], above the ellipsoid [m]
 _TICK, _TICK_DOT = 1e-4, 1e-6  # of SampleTimeFine; of a Movella DOT [s]
 _SLOWEST = 2000.0  # ticks: no MT Manager logs at less than 5 Hz, no DOT at more than 500
 
@@ -233,7 +234,7 @@ def is_text_export(head: bytes) -> bool:
 
 
 def read_text_export(path: Path, hints: ReadHints) -> Recording:
-    """IMU of an export of MT Manager.
+    """IMU of an export of MT Manager, and where it has places the sensor's own solution as reference.
 
     Parameters
     ----------
@@ -281,15 +282,22 @@ def read_text_export(path: Path, hints: ReadHints) -> Recording:
         )
     timed = "SampleTimeFine" in names and first[names.index("SampleTimeFine")].strip() != ""
     clock = "SampleTimeFine" if timed else "PacketCounter"
-    used = [names.index(name) for name in (clock, *_ACCEL, *_GYRO)]
+    placed = all(name in names and lines.is_number(first[names.index(name)].strip()) for name in _PLACE)
+    used, place = (
+        [names.index(name) for name in some] for some in ((clock, *_ACCEL, *_GYRO), _PLACE if placed else ())
+    )
     table = TextTable(path, number + 1, delimiter, "//", "latin-1")
-    values, truncated = lines.load(table, len(names), used, allow_truncated=hints.allows("truncated"))
+    try:
+        values, truncated = lines.load(table, len(names), used + place, allow_truncated=hints.allows("truncated"))
+    except FileFormatError:  # places may be in some rows only
+        place = []
+        values, truncated = lines.load(table, len(names), used, allow_truncated=hints.allows("truncated"))
     notes = [f"{path.name}: the last line was cut off and left out."] if truncated else []
     if clock == "SampleTimeFine":
         ticks = unwrapped(values[:, 0], 2.0**32)
         if len(ticks) > 1 and float(np.median(np.diff(ticks))) > _SLOWEST:
             t = ticks * _TICK_DOT
-            values[:, 4:] *= units.DEG
+            values[:, 4:7] *= units.DEG
             notes.append("Stamps in microseconds show a Movella DOT, whose rates are in deg/s.")
         else:
             t = ticks * _TICK
@@ -304,7 +312,13 @@ def read_text_export(path: Path, hints: ReadHints) -> Recording:
     columns = {"t": t[keep]}
     for names_of, letter, shift in ((_ACCEL, "a", 1), (_GYRO, "g", 4)):
         columns |= {f"{letter}{axis}": values[keep, shift + k] for k, axis in enumerate("xyz"[: len(names_of)])}
-    made = parts.assemble(
-        path, {"imu": Table(columns, axes="FLU")}, replace(hints, rate=None, time=None), TimeBase("local"), notes
-    )
+    tables = {"imu": Table(columns, axes="FLU")}
+    if place and (located := keep & (values[:, 7:9] != 0.0).any(axis=1)).any():
+        lat, lon, h = values[located, 7:].T
+        tables["reference"] = Table({"t": t[located], "lat": lat * units.DEG, "lon": lon * units.DEG, "h": h})
+        notes.append(
+            "reference: the places of the export are the sensor's own solution, made of the same sensors: to compare "
+            "with, no fixes and not a truth; its velocities, whose axes the export does not state, are left out."
+        )
+    made = parts.assemble(path, tables, replace(hints, rate=None, time=None), TimeBase("local"), notes)
     return replace(made, metadata=replace(made.metadata, options=hints.given()))

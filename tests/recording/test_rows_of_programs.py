@@ -82,6 +82,18 @@ def test_messages_of_ros_2_without_a_header_are_read_in_their_order(tmp_path):
     assert log.gnss.t[0] == pytest.approx(log.imu.t[0], abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("place", "field"),
+    [(0, "17\u00b3"), (1, "9" * 400), (3, ""), (3, "-"), (5, "nan"), (5, ""), (8, "x"), (17, "\u00b2")],
+)
+def test_a_damaged_message_is_left_out(tmp_path, place, field):
+    nine = [4.0, 0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 4.0]
+    rows = [message(k, 0, 1, 48.7, 9.1, 300.0, *nine, 2).split(",") for k in range(40)]
+    rows[7][place] = field
+    (tmp_path / "fix.csv").write_text("\n".join(map(",".join, rows)) + "\n")
+    assert len(schuler.read(tmp_path, gnss={"file": "fix.csv/fix.csv", "time": "unix"}).gnss) == 39
+
+
 def test_tables_of_as_many_numbers_are_no_messages(tmp_path):
     path = tmp_path / "numbers.csv"
     path.write_text("\n".join(",".join(str(k + j) for j in range(40)) for k in range(30)) + "\n")
@@ -95,7 +107,7 @@ def test_a_place_that_all_satellites_of_an_epoch_repeat_is_one_fix(tmp_path):
     head += ",WlsPositionXEcefMeters,WlsPositionYEcefMeters,WlsPositionZEcefMeters"
     rows = [
         f"Raw,{1_600_000_000_000 + 1000 * k},{k}000000,{sat},1.5e7,2.1e7,{sat}e6,"
-        + (",," if k == 4 else ",".join(f"{x:.4f}" for x in r[k]))
+        + (",," if k == 4 else "1e308,1e308,1" if k == 6 else ",".join(f"{x:.4f}" for x in r[k]))
         for k in range(10)
         for sat in range(3, 9)
     ]
@@ -103,7 +115,7 @@ def test_a_place_that_all_satellites_of_an_epoch_repeat_is_one_fix(tmp_path):
     with pytest.raises(SchulerError, match="sigma"):
         schuler.read(tmp_path / "device_gnss.csv", time="unix")
     fixes = schuler.read(tmp_path / "device_gnss.csv", time="unix", sigma="5,5,7").need_gnss()
-    kept = np.delete(np.arange(10), 4)
+    kept = np.delete(np.arange(10), [4, 6])
     np.testing.assert_allclose(fixes.llh, llh[kept], rtol=0, atol=2e-4)  # printed digits of the height
     np.testing.assert_allclose(fixes.llh[:, :2], llh[kept, :2], rtol=0, atol=2e-11)
     np.testing.assert_allclose(np.diff(fixes.t), np.diff(kept), atol=1e-6)

@@ -6,6 +6,7 @@ least-squares solution, beside what each satellite was received with.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from schuler import frames
 from schuler.recording.io import line_forms, lines
+from schuler.recording.io.possible import RADII
 from schuler.units import DEG
 
 _PLACE = tuple(f"WlsPosition{axis}EcefMeters" for axis in "XYZ")
@@ -49,7 +51,8 @@ def place_rows(path: Path) -> Iterator[tuple[str, line_forms.Row]]:
             continue
         before = fields[time]
         r_e = np.array([[float(fields[k]) for k in place]])
-        if not np.linalg.norm(r_e) > 0.0:
+        if not RADII[0] <= math.hypot(*r_e[0]) <= RADII[1]:
+            yield "", {}  # nowhere
             continue
         lat, lon, h = frames.llh_from_ecef(r_e)[0]
         yield (

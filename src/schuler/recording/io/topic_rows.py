@@ -32,10 +32,19 @@ def are_messages(rows: Sequence[str]) -> bool:
 
 
 def _is_message(fields: Sequence[str]) -> bool:
-    if len(fields) not in (_IMU, _FIX) or lines.is_number(fields[2]) or not all(map(str.isdigit, fields[:2])):
+    if len(fields) not in (_IMU, _FIX) or lines.is_number(fields[2]) or not all(map(_is_count, fields[:2])):
         return False
-    counts = all(field.isdigit() for field in (fields[4], fields[_KIND])) if len(fields) == _FIX else True
-    return int(fields[1]) < 10**9 and counts and all(map(lines.is_value, fields[3:]))
+    counts = (
+        _is_count(fields[3].removeprefix("-")) and all(_is_count(fields[k]) for k in (4, _KIND))
+        if len(fields) == _FIX
+        else True
+    )
+    return int(fields[1]) < 10**9 and counts and all(map(lines.is_number, fields[3:]))
+
+
+def _is_count(field: str) -> bool:
+    """Whether a field is a whole number of as many digits as seconds and nanoseconds have, or fewer."""
+    return field.isascii() and field.isdigit() and len(field) < 12
 
 
 def message_rows(path: Path) -> Iterator[tuple[str, line_forms.Row]]:

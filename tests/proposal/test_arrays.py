@@ -6,7 +6,7 @@ import scipy.io
 from messy_folders import simulated
 
 import schuler
-from schuler.proposal import arrays, tables
+from schuler.proposal import arrays, halves, tables
 from schuler.proposal.files import files_of
 from schuler.proposal.hints import table_hints
 from schuler.units import DEG, G0
@@ -89,7 +89,7 @@ def test_two_files_of_a_clock_and_three_columns_are_a_sensor_each_by_name_and_gr
         expected = np.stack([np.interp(again.t, stamps, x) for x in values.T], axis=1)
         np.testing.assert_allclose(read, expected, atol=1e-9)  # rounding
     (tmp_path / "log_acc.txt").write_text((tmp_path / "log_gyro.txt").read_text())  # feels no gravity
-    assert tables.half_of_imu(tmp_path / "log_acc.txt") is None
+    assert halves.half_of_imu(tmp_path / "log_acc.txt") is None
 
 
 def test_seconds_behind_a_gps_week_are_the_clock_of_fixes_without_a_header(tmp_path):
@@ -114,3 +114,14 @@ def test_seconds_behind_a_gps_week_are_the_clock_of_fixes_without_a_header(tmp_p
 def test_walks_in_files_of_many_arrays_need_no_hint(shared_data):
     for path in sorted((shared_data / "llio_foot").glob("*.mat")):
         assert files_of([path], {}).entries == {"columns": "ax,ay,az,gx,gy,gz", "units": "accel=m/s^2,gyro=rad/s"}
+
+
+def test_columns_in_metres_are_no_specific_forces(imu, tmp_path):
+    t, n = imu.t - imu.t[0], len(imu.t)
+    path, names = tmp_path / "places.csv", "{0} X{1},{0} Y{1},{0} Z{1}"
+    place = 4.1e6 + np.cumsum(imu.accel, axis=0)
+    table = np.column_stack((t, place, np.diff(place, axis=0, prepend=0.0) * np.linspace(-1.0, 1.0, n)[:, None]))
+    for units, taken in ((("", ""), True), ((" [m]", " [m/s]"), False), ((" [counts]", " [counts]"), True)):
+        header = f"time [s],{names.format('Pos', units[0])},{names.format('Vel', units[1])}"
+        np.savetxt(path, table, delimiter=",", header=header, comments="")
+        assert (tables.imu_columns(path) is not None) == taken

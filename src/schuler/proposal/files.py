@@ -13,7 +13,7 @@ import numpy as np
 
 from schuler.exceptions import InputError
 from schuler.files import check_log
-from schuler.proposal import arrays, tables
+from schuler.proposal import arrays, halves, tables
 from schuler.proposal.decision import Decision, UndecidedError
 from schuler.proposal.hints import (
     accuracy_hints,
@@ -228,7 +228,7 @@ def _folder(log: Path, names: list[str], given: Mapping[str, Any], single: Seque
         named = bool(held)
         if not held and tables.imu_columns(path) is not None:
             held = ("imu",)
-        elif held in ((), ("reference",)) and (half := tables.half_of_imu(path)) is not None:
+        elif held in ((), ("reference",)) and (half := halves.half_of_imu(path)) is not None:
             held = (half,)
         elif not held and registry.find(head, path) is not None:
             wholes.append(name)  # a bag, or what else holds a run

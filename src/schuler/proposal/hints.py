@@ -11,7 +11,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, SchulerError
-from schuler.proposal import arrays, tables
+from schuler.proposal import arrays, halves, tables
 from schuler.proposal.decision import Decision
 from schuler.recording.formats import nmea, registry, rtklib, text
 from schuler.recording.io import columns, lines, text_head
@@ -28,7 +28,7 @@ _SPEED_SIGMA = 0.1  # of wheels that do not say theirs [m/s]
 
 def half_hints(path: Path, part: str) -> tuple[dict[str, Any], list[Decision]]:
     """Hints of a file of an accelerometer or a gyroscope alone."""
-    columns, evidence = tables.half_columns(path, part)
+    columns, evidence = halves.half_columns(path, part)
     entry: dict[str, Any] = {} if columns is None else {"columns": columns}
     decisions = [Decision(f"recording.{part}.file", path.name, evidence)]
     names, stated = _layout(path, columns)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import itertools
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from schuler.proposal import arrays
 from schuler.recording.io import columns, dates, header_words, lines, text_head
 from schuler.recording.io.hints import ReadHints
 from schuler.timebase import WEEK_S
-from schuler.units import G0, factor_for
+from schuler.units import G0, QUANTITIES, factor_for, parse_unit
 
 _ROWS = 20_000  # rows that are looked at
 _BLOCK = 20  # samples whose mean norm is compared
@@ -28,10 +27,6 @@ _GRAVITY = 0.7  # logarithm of the median norm over gravity's that motion and a 
 _THOUSANDTHS = 0.15  # the same where they are thousandths of a g, between which and counts of 2048 in one there is more
 _POOR_SCALE = 0.15
 _FASTEST_S, _SLOWEST_S = 1.0 / 4000.0, 1.0 / 8.0
-_CALLED = {
-    "accel": re.compile(r"^(?!.*(linear|user|gravity)).*acc(?!u)", re.IGNORECASE),
-    "gyro": re.compile(r"gyr|(angular|rotation).?(velocity|rate)", re.IGNORECASE),
-}
 _COUNTS_PER_G = (2048.0, 4096.0, 8192.0, 16384.0)  # of 16 bits over 16, 8, 4 and 2 g
 _UNIT_NORM = 1e-3  # digits of a written quaternion
 _WIDEST, _HIGHEST_M = 20, 9000.0  # columns of a table of fixes, and heights of vehicles
@@ -60,13 +55,13 @@ def imu_columns(path: Path) -> tuple[str, str] | None:
     values = _numbers(path)
     if values is None or len(values) < 20 * _BLOCK:
         return None
-    clock = [k for k in range(values.shape[1]) if _is_clock(values[:, k])]
+    clock = [k for k in range(values.shape[1]) if is_clock(values[:, k])]
     if not clock and (np.diff(values, axis=0).min(axis=0) >= 0.0).any() and values.shape[1] == 7:
         return None  # a counter of rows
     attitude = _attitude(values)
     if attitude:
         attitude = attitude | _gravity_and_rest(values, attitude)
-    idle = attitude | set(np.flatnonzero(np.ptp(values, axis=0) == 0.0).tolist())
+    idle = attitude | set(np.flatnonzero(np.ptp(values, axis=0) == 0.0).tolist()) | _of_others(path)
     others = [k for k in range(values.shape[1]) if k not in clock and k not in idle]
     triads = [(k, k + 1, k + 2) for k in others if k + 1 in others and k + 2 in others]
     calm = {trio: _spread(values[:, trio]) for trio in triads}
@@ -103,6 +98,24 @@ def imu_columns(path: Path) -> tuple[str, str] | None:
     return ",".join(names), evidence
 
 
+def _of_others(path: Path) -> set[int]:
+    """Columns whose header states a unit of lengths, say, that no reading of an IMU has."""
+    if arrays.array(path) is not None:
+        return set()
+    opening = text_head.open_text(path, ReadHints())
+    fields = [] if opening.header is None else opening.header[1]
+    return {k for k, unit in enumerate(map(columns.unit_in, fields)) if unit is not None and not _of_imu(unit)}
+
+
+def _of_imu(unit: str) -> bool:
+    """Whether a unit is one of rates or increments, or none that is known: counts."""
+    try:
+        dimension = parse_unit(unit).dimension
+    except SchulerError:
+        return True
+    return dimension in [QUANTITIES[q][0] for q in ("specific force", "angular rate", "velocity", "angle")]
+
+
 def fix_columns(path: Path) -> tuple[str, str] | None:
     """Hint ``columns`` of a table of fixes without a header, and how it was told: clock, latitude, longitude, height.
 
@@ -125,7 +138,7 @@ def fix_columns(path: Path) -> tuple[str, str] | None:
         return None
     places = [k for k in range(values.shape[1] - 2) if _is_path(values[:, k : k + 3])]
     of_place = [k + axis for k in places for axis in range(3)]  # which may increase as steadily as a clock
-    clock = [k for k in range(values.shape[1]) if k not in of_place and _is_clock(values[:, k])]
+    clock = [k for k in range(values.shape[1]) if k not in of_place and is_clock(values[:, k])]
     if not clock and (week := gps_week(path)) is not None:  # once a second it counts like a counter of rows
         clock = [week[0]]
     if len(clock) != 1 or len(places) != 1:
@@ -210,7 +223,7 @@ def clock_column(path: Path, names: Sequence[str]) -> int | None:
     unix: list[int] = []
     for k in [k for k, name in enumerate(names) if name == "-"]:
         each = _numbers(path, [*needed, k])
-        if each is None or len(each) <= 0.9 * len(values) or not _is_clock(each[:, k]):
+        if each is None or len(each) <= 0.9 * len(values) or not is_clock(each[:, k]):
             continue
         if (unit := time_unit(each[:, k])) is not None:
             clocks[k] = dict(_TIME_UNITS)[unit[0]] * np.diff(each[:, k])
@@ -325,72 +338,6 @@ def accel_unit(size: float) -> str:
     return unit if near[unit] < (_THOUSANDTHS if unit == "mg" else _GRAVITY) else "m/s^2"
 
 
-def half_of_imu(path: Path) -> str | None:
-    """Half of an IMU that a table of a time and three columns holds, by header, unit or name of the file.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    {"accel", "gyro"} or None
-    """
-    for half in ("accel", "gyro"):
-        if half_columns(path, half)[1]:
-            return half
-    return None
-
-
-def half_columns(path: Path, half: str) -> tuple[str | None, str]:
-    """Hint ``columns`` of a file of one sensor (None if its header names them), and evidence; empty if it is none.
-
-    Parameters
-    ----------
-    path : Path
-    half : {"accel", "gyro"}
-    """
-    try:
-        opening = text_head.open_text(path, ReadHints())
-    except SchulerError:
-        return None, ""
-    fields = [] if opening.header is None else [field.strip().strip("\"'") for field in opening.header[1]]
-    read = [None if column is None else column[0] for column in text_head.columns_of(opening)]
-    triad, other = (columns.ACCEL, columns.GYRO) if half == "accel" else (columns.GYRO, columns.ACCEL)
-    if set(triad) <= set(read) and not set(other) & set(read) and "lat" not in read:
-        return None, f"its header names {', '.join(triad)}"
-    if opening.header is None:
-        called = [name for name, pattern in _CALLED.items() if pattern.search(path.stem)]
-        values = _numbers(path) if called == [half] and len(opening.fields) == 4 else None
-        if values is None or len(values) < _BLOCK or not _is_clock(values[:, 0]):
-            return None, ""
-        feels = _is_gravity(values[:, 1:])
-        return (",".join(("t", *triad)), "it is called so") if feels == (half == "accel") else (None, "")
-    bare = [re.sub(r"[^a-z].*", "", field.lower()) for field in fields]
-    if "t" not in read or not {"x", "y", "z"} <= set(bare):
-        return None, ""
-    units = {columns.unit_in(field) for field, word in zip(fields, bare, strict=True) if word in ("x", "y", "z")}
-    if len(units) != 1:
-        return None, ""
-    unit = next(iter(units))
-    quantity = {"accel": "specific force", "gyro": "angular rate"}[half]
-    if unit is not None:
-        try:
-            factor_for(unit, quantity)
-        except SchulerError:
-            return None, ""
-        evidence = f"its header states {unit}"
-    elif _CALLED[half].search(path.stem):
-        evidence = "it is called so"
-    else:
-        return None, ""
-    names = ["-"] * len(fields)
-    names[read.index("t")] = "t"
-    for axis, name in zip("xyz", triad, strict=True):
-        names[bare.index(axis)] = name
-    return ",".join(names), evidence
-
-
 def _numbers(path: Path, needed: Sequence[int] | None = None) -> FloatArray | None:
     """First rows of a text table or an array in which all columns are numbers, or those needed; None if it is none."""
     if (whole := arrays.array(path)) is not None:
@@ -447,8 +394,13 @@ def _seconds(field: str) -> str:
     return field if ns is None or bad is not None else f"{ns[0] / dates.NS:.6f}"
 
 
-def _is_clock(x: FloatArray) -> bool:
-    """Whether a column increases like a clock: nearly always, by steps of nearly one size, not as a counter of rows."""
+def is_clock(x: FloatArray) -> bool:
+    """Whether a column increases like a clock: nearly always, by steps of nearly one size, not as a counter of rows.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+    """
     step = np.diff(x)
     usual = float(np.median(step))
     if usual <= 0.0 or np.mean(step > 0.0) < 0.98:

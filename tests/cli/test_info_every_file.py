@@ -24,7 +24,8 @@ RULES = (
         "log",
         r"/(insgpseo_tc\.mat|android_pixel6\.txt|Pixel4_ground_truth\.csv)$|oan_phone_drive/.*\.csv$|pyshoe_(more|vicon)/.*\.mat$",
     ),
-    ("log", r"snu_staticposes/\w+\.txt$"),  # told by its numbers: gravity's norm, turns between rests
+    # told by their numbers: gravity's norm, turns between rests, a limb's swing, weeks beside their seconds
+    ("log", r"snu_staticposes/\w+\.txt$|llio_foot/\w+\.mat$|groundTruth_\w+\.csv$"),
     # tables and arrays of which only their owner knows what they are
     ("hints", r"\.(csv|txt|dat|mat|npz|npy|log)$"),
 )

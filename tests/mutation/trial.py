@@ -85,10 +85,11 @@ def _run(files: tuple[str, ...]) -> tuple[int, str]:
 
 
 def _forget() -> None:
-    """Let everything of this repository be loaded anew, but not this package."""
+    """Let everything of this repository be loaded anew, but not this package, nor an environment in it."""
+    own = tuple(f"{ROOT / folder}{os.sep}" for folder in ("src", "tests", "benchmarks"))
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None) or ""
-        if file.startswith(f"{ROOT}{os.sep}") and not name.startswith(("tests.mutation", "__main__")):
+        if file.startswith(own) and not name.startswith(("tests.mutation", "__main__")):
             del sys.modules[name]
 
 

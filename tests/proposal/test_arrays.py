@@ -1,12 +1,15 @@
 """Files of named arrays: which is the IMU's, in what order and units, with the time and factors beside it."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 import scipy.io
 from messy_folders import simulated
 
 import schuler
-from schuler.proposal import arrays, halves, tables
+from schuler.proposal import arrays, halves, propose_reading, tables
 from schuler.proposal.files import files_of
 from schuler.proposal.hints import table_hints
 from schuler.units import DEG, G0
@@ -68,6 +71,14 @@ def test_what_the_user_says_of_an_array_stands(imu, tmp_path):
     path = saved(tmp_path / "walk.npz", data=np.concatenate((imu.accel, imu.gyro), axis=1), t=imu.t)
     for given in ({"columns": "gx,gy,gz,ax,ay,az"}, {"variable": "data"}):
         assert files_of([path], given).entries == given
+
+
+def test_arrays_are_not_kept_once_the_reading_is_proposed(imu, tmp_path):
+    path = saved(tmp_path / "drive.npz", data=np.concatenate((imu.accel, imu.gyro), axis=1), t=imu.t)
+    rows = weakref.ref(arrays.inertial(path).rows)
+    propose_reading(path, files_of([path], {}).entries)
+    gc.collect()
+    assert rows() is None
 
 
 def test_text_called_mat_is_a_table_like_others(imu, tmp_path):

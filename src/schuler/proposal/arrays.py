@@ -124,6 +124,11 @@ def _inertial(path: Path, _changed_ns: int, _size: int) -> Inertial | None:
     return _sound(Inertial(rows * np.asarray(held[scales[0]], dtype=np.float64).ravel(), scales[0]))
 
 
+def forget() -> None:
+    """Let go of the arrays that :func:`inertial` keeps."""
+    _inertial.cache_clear()
+
+
 def _upright(array: np.ndarray[Any, np.dtype[Any]]) -> FloatArray:
     """Samples along the first axis."""
     return np.asarray(array if array.shape[0] >= array.shape[1] else array.T, dtype=np.float64)

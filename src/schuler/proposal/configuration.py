@@ -19,7 +19,7 @@ from schuler.diagnosis.result import Diagnosis, Finding
 from schuler.exceptions import InputError, SchulerError
 from schuler.navigation.config import NavigationConfig
 from schuler.plotting.notebook import Displayed
-from schuler.proposal import cures, setup
+from schuler.proposal import arrays, cures, setup
 from schuler.proposal.axes import borne_out, likely_axes_by_trial, upright_axes
 from schuler.proposal.clock import SHIFT, SIGMA, uncertainty_of_shift
 from schuler.proposal.damage import leave_out_garbled
@@ -244,6 +244,7 @@ def _cured(files: Files, given: Mapping[str, Any]) -> Diagnosis:
     if question := _question(files, diagnosis):
         raise question
     _rate_unit(files, diagnosis, given)
+    arrays.forget()  # nobody asks for columns any more: a day's log would stay beside the recording
     return diagnosis
 
 

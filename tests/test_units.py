@@ -305,7 +305,7 @@ def test_absurd_texts_are_a_unit_or_a_unit_error(text):
     parses_or_refuses(text)
 
 
-NAMES = st.sampled_from(["deg", "rad", "s", "h", "m", "g", "ug", "ft", "kn", "K", "ppm", "min", "mGal"])
+NAMES = st.sampled_from(["deg", "rad", "s", "h", "m", "g", "ug", "ft", "kn", "K", "ppm", "min", "mGal", "uT"])
 
 
 @LAW

@@ -296,6 +296,9 @@ def test_short_times_lose_no_digits(x):
     squares = series(-1, lambda k: -(2 ** (2 * k + 1) * z ** (2 * k + 1)) / (4 * factorial(2 * k + 1))) / w
     assert_allclose(horizontal("gyro bias", t, 1.0)[1], RADIUS * late, rtol=1e-9)
     assert_allclose(horizontal("accel noise", t, 1.0)[1], np.sqrt(squares) / w, rtol=1e-9)
+    # the integral of (1 - cos)^2
+    squares = series(1, lambda k: (-1) ** k * (2 ** (2 * k - 1) - 2) * z ** (2 * k + 1) / factorial(2 * k + 1)) / w
+    assert_allclose(horizontal("gyro noise", t, 1.0)[1], RADIUS * np.sqrt(squares), rtol=1e-9)
     k, y = np.sqrt(2.0) * w, np.sqrt(2.0) * x
     z = Fraction(float(y))
     squares = series(1, lambda k: (2 ** (2 * k + 1) * z ** (2 * k + 1)) / (4 * factorial(2 * k + 1))) / k

@@ -74,7 +74,8 @@ def test_catalogue_is_ranked(mission):
     assert result.table().row(imu="LN-200")["passes"] == "unknown"  # its turn-on biases are not stated
     assert by["LN-200"].unstated == ("gyro turn_on_bias", "accel turn_on_bias")
     assert (by["LN-200"].certain, by["HG1900"].unstated) == (None, ())
-    assert (by["LSM6DSO"].certain, by["BMI160"].certain) == (None, None)  # nor their scale factors
+    assert by["BMI088"].unstated == ("accel scale_factor",)
+    assert (by["MTi-3"].certain, by["VN-100"].certain) == (None, None)  # nor their scale factors
     assert values.index(by["HG1900"].value) < values.index(by["VN-200"].value)
     assert "lower bounds, turn-on bias or scale factor not being stated" in result.summary()
     assert result.to_dict()["ranking"][0]["imu"] == result.verdicts[0].imu

@@ -44,6 +44,20 @@ def test_what_is_not_stated_is_unknown(capsys):
     assert "accelerometers" not in out  # it is a gyroscope
 
 
+def test_each_value_has_its_page_behind_it(capsys):
+    code, out, _ = run(capsys, "catalogue", "BMI088")
+    assert code == 0
+    assert re.search(r"^  turn-on bias +1 deg/s +page 10$", out, re.MULTILINE)
+    assert re.search(r"^  misalignment +1 % +page 11$", out, re.MULTILINE)
+    assert re.search(r"^  accel_alignment_deg +0.5 +page 9$", out, re.MULTILINE)
+    assert re.search(r"^  bias instability B +10 deg/h +page not seen$", run(capsys, "catalogue", "VN-100")[1], re.M)
+    data = answer(capsys, "catalogue", "BMI088", "--json")["entries"]["BMI088"]
+    assert (data["gyro"]["scale_factor"]["page"], data["accel"]["misalignment"]["page"]) == ("page 10", "page 9")
+    assert data["printed_pages"]["gyro_nonlinearity_percent"] == "page 10"
+    data = answer(capsys, "catalogue", "VN-200", "--json")["entries"]["VN-200"]  # of a thesis: its source says where
+    assert data["gyro"]["random_walk"]["page"] is None
+
+
 def test_devices_stand_apart_from_what_theses_made(capsys):
     data = answer(capsys, "catalogue", "--json")
     assert sorted(data["devices"] + data["constructs"]) == sorted(catalogue.names())

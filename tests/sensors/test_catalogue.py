@@ -1,6 +1,7 @@
 """The catalogue: every entry loads; the numbers are those of the sources, in SI by hand."""
 
 import math
+import re
 from dataclasses import fields
 
 import numpy as np
@@ -131,26 +132,33 @@ NUMBERS = {
     ("du-bias", "accel"): {"turn_on_bias": 0.2, "random_walk": 0.1 / 60},
     ("du-scale", "gyro"): {"scale_factor": 3000e-6},
     ("du-installation", "gyro"): {"misalignment": 1745e-6},
-    ("MPU-6050", "gyro"): {"random_walk": 0.005 * DEG, "turn_on_bias": 20 * DEG},
-    ("MPU-6050", "accel"): {"random_walk": 400e-6 * G, "turn_on_bias": 0.08 * G},
+    ("MPU-6050", "gyro"): {"random_walk": 0.005 * DEG, "turn_on_bias": 20 * DEG, "g_sensitivity": 0.1 * DEG / G},
+    ("MPU-6050", "accel"): {"random_walk": 400e-6 * G, "turn_on_bias": 0.08 * G, "scale_temperature": 2e-4},
     ("MPU-9250", "gyro"): {"random_walk": 0.01 * DEG, "turn_on_bias": 5 * DEG},
-    ("MPU-9250", "accel"): {"random_walk": 300e-6 * G, "turn_on_bias": 0.08 * G},
-    ("BMI088", "gyro"): {"random_walk": 0.014 * DEG, "turn_on_bias": 1 * DEG},
-    ("BMI088", "accel"): {"random_walk": 190e-6 * G, "turn_on_bias": 0.02 * G},
-    ("BMI160", "gyro"): {"random_walk": 0.007 * DEG, "turn_on_bias": 3 * DEG},
-    ("BMI160", "accel"): {"random_walk": 180e-6 * G, "turn_on_bias": 0.04 * G},
-    ("ICM-20948", "gyro"): {"random_walk": 0.015 * DEG, "turn_on_bias": 5 * DEG},
-    ("ICM-20948", "accel"): {"random_walk": 230e-6 * G},
-    ("ICM-42688-P", "gyro"): {"random_walk": 0.0028 * DEG, "turn_on_bias": 0.5 * DEG},
-    ("ICM-42688-P", "accel"): {"random_walk": 70e-6 * G, "turn_on_bias": 0.02 * G},
-    ("LSM6DSO", "gyro"): {"random_walk": 0.0038 * DEG, "turn_on_bias": 1 * DEG},
+    ("MPU-9250", "accel"): {"random_walk": 300e-6 * G, "turn_on_bias": 0.08 * G, "bias_temperature": 1.5e-3 * G},
+    ("BMI088", "gyro"): {"random_walk": 0.014 * DEG, "turn_on_bias": 1 * DEG, "scale_factor": 0.01,
+        "misalignment": 0.01, "bias_temperature": 0.015 * DEG, "scale_temperature": 3e-4},
+    ("BMI088", "accel"): {"random_walk": 190e-6 * G, "turn_on_bias": 0.02 * G, "scale_factor": 0.0,
+        "misalignment": 0.005, "bias_temperature": 0.2e-3 * G, "range": 24 * G},
+    ("BMI160", "gyro"): {"random_walk": 0.007 * DEG, "turn_on_bias": 3 * DEG, "scale_factor": 0.03},
+    ("BMI160", "accel"): {"random_walk": 180e-6 * G, "turn_on_bias": 0.04 * G, "scale_factor": 0.04},
+    ("ICM-20948", "gyro"): {"random_walk": 0.015 * DEG, "turn_on_bias": 5 * DEG, "scale_factor": 0.015,
+        "bias_temperature": 0.05 * DEG},
+    ("ICM-20948", "accel"): {"random_walk": 230e-6 * G, "turn_on_bias": 0.05 * G, "scale_factor": 0.005,
+        "misalignment": 0.02, "bias_temperature": 0.8e-3 * G, "scale_temperature": 2.6e-4},
+    ("ICM-42688-P", "gyro"): {"random_walk": 0.0028 * DEG, "turn_on_bias": 0.5 * DEG, "scale_factor": 0.005,
+        "misalignment": 0.0125, "bias_temperature": 0.005 * DEG},
+    ("ICM-42688-P", "accel"): {"random_walk": 70e-6 * G, "turn_on_bias": 0.02 * G, "scale_factor": 0.005,
+        "misalignment": 0.01, "bias_temperature": 0.15e-3 * G},
+    ("LSM6DSO", "gyro"): {"random_walk": 0.0038 * DEG, "turn_on_bias": 1 * DEG, "scale_factor": 0.01,
+        "bias_temperature": 0.01 * DEG},
     ("LSM6DSO", "accel"): {"random_walk": 70e-6 * G, "turn_on_bias": 0.02 * G},
-    ("ADIS16448", "gyro"): {"random_walk": 0.66 * DEG / 60.0, "turn_on_bias": 0.5 * DEG},
-    ("ADIS16448", "accel"): {"random_walk": 0.11 / 60.0, "turn_on_bias": 0.02 * G},
+    ("ADIS16448", "gyro"): {"random_walk": 0.66 * DEG / 60.0, "turn_on_bias": 0.5 * DEG, "misalignment": 0.05 * DEG},
+    ("ADIS16448", "accel"): {"random_walk": 0.11 / 60.0, "turn_on_bias": 0.02 * G, "misalignment": 0.2 * DEG},
     ("HG4930", "gyro"): {"random_walk": 0.06 * DEG / 60.0, "bias_instability": 0.45 * DEG / 3600.0},
     ("HG4930", "accel"): {"random_walk": 0.06 / 60.0, "bias_instability": 75e-6 * G},
     ("phone", "gyro"): {"random_walk": 0.015 * DEG, "turn_on_bias": 5 * DEG},
-    ("phone", "accel"): {"random_walk": 230e-6 * G, "turn_on_bias": 0.04 * G},
+    ("phone", "accel"): {"random_walk": 230e-6 * G, "turn_on_bias": 0.05 * G},
     ("STIM300", "gyro"): {"random_walk": 0.15 * DEG / 60, "bias_instability": 0.5 * DEG / 3600},
     ("STIM300", "accel"): {"random_walk": 0.06 / 60, "turn_on_bias": 0.75e-3 * G},
     ("MTi-3", "gyro"): {"random_walk": 0.007 * DEG, "bias_instability": 10 * DEG / 3600, "range": 2000 * DEG},
@@ -158,14 +166,15 @@ NUMBERS = {
     ("VN-100", "gyro"): {"random_walk": 0.0035 * DEG, "bias_instability": 10 * DEG / 3600},
     ("VN-100", "accel"): {"random_walk": 140e-6 * G, "bias_instability": 40e-6 * G},
     ("ADIS16470", "gyro"): {"random_walk": 0.008 * DEG, "bias_instability": 8 * DEG / 3600, "range": 2000 * DEG},
+    ("ADIS16470", "accel"): {"random_walk": 100e-6 * G, "bias_instability": 13e-6 * G, "range": 40 * G},
     ("ADIS16505-1", "gyro"): {"random_walk": 0.13 * DEG / 60, "bias_instability": 2.3 * DEG / 3600,
         "misalignment": 0.25 * DEG},
     ("ICM-20602", "gyro"): {"random_walk": 0.004 * DEG, "scale_factor": 0.01, "range": 2000 * DEG},
     ("ICM-20602", "accel"): {"random_walk": 100e-6 * G, "range": 16 * G},
     ("ICM-42605", "gyro"): {"random_walk": 0.0038 * DEG},
     ("ICM-42605", "accel"): {"random_walk": 70e-6 * G},
-    ("BMI270", "gyro"): {"random_walk": 0.007 * DEG},
-    ("BMI270", "accel"): {"random_walk": 160e-6 * G},
+    ("BMI270", "gyro"): {"random_walk": 0.007 * DEG, "misalignment": 0.002, "bias_temperature": 0.015 * DEG},
+    ("BMI270", "accel"): {"random_walk": 160e-6 * G, "turn_on_bias": 0.02 * G, "scale_factor": 0.004},
 }  # fmt: skip
 
 
@@ -178,6 +187,46 @@ def test_numbers_of_the_sources(name, which):
 def test_every_sensor_with_numbers_is_checked():
     checked = {catalogue.entry(name).name for name, *_ in NUMBERS}
     assert checked == {n for n in catalogue.names() if catalogue.entry(n).kind != "class"}
+
+
+#: Makers' sheets of which every value has its page, its table, or the words that the page was not seen.
+PAGED = [
+    "MPU-6050", "MPU-9250", "BMI088", "BMI160", "ICM-20948", "ICM-42688", "LSM6DSO", "ADIS16448", "ADIS16470",
+    "ADIS16505", "STIM300", "HG4930", "VN-100", "MTi-3", "ICM-20602", "ICM-42605", "BMI270", "phone",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PAGED)
+def test_every_value_of_a_makers_sheet_has_its_page(name):
+    e = catalogue.entry(name)
+    stated = {f"{which}.{f}" for which in ("gyro", "accel") for f, v in catalogue.quantities(e, which).items() if v}
+    assert set(e.pages) == stated | {f"printed.{key}" for key in e.printed}
+    for value, place in e.pages.items():
+        assert re.fullmatch(r"pages? (\d+( (to|and) \d+)?( of revision \d+)?|not seen)|[Tt]able .+", place) or (
+            name == "phone" and place.split(",")[0] in e.source
+        ), value
+
+
+def test_a_phone_is_the_largest_of_its_parts():
+    """Of what the parts state, by the rule of its source; ranges are those of the part with most noise."""
+    parts = [catalogue.spec(n) for n in ("LSM6DSO", "BMI160", "BMI270", "ICM-20948", "ICM-42688")]
+    phone = catalogue.spec("phone")
+    for which in ("gyro", "accel"):
+        for field in fields(phone.gyro):
+            largest = max(getattr(getattr(part, which), field.name) or 0.0 for part in parts)
+            assert (getattr(getattr(phone, which), field.name) or 0.0) == largest, (which, field.name)
+
+
+def test_pages_of_values_that_an_entry_does_not_state_are_refused(monkeypatch):
+    gyro = {"noise_deg_s_rthz": 0.01, "density": "two-sided", "range_deg_s": 250.0, "page": 8}
+    read = {"A": {"kind": "imu", "source": "sheet", "gyro": dict(gyro, pages={"range_deg_s": "Table 2"})}}
+    monkeypatch.setattr(catalogue, "read_toml", lambda path: read)
+    e = catalogue._entries.__wrapped__()["A"]
+    assert e.pages == {"gyro.random_walk": "page 8", "gyro.range": "Table 2"}
+    assert not {"page", "pages"} & set(e.gyro)
+    read["A"]["gyro"] = dict(gyro, pages={"range_deg": 2})
+    with pytest.raises(InputError, match=r"catalogue entry A: pages of gyro: .*'range_deg'; did you mean range_deg_s"):
+        catalogue._entries.__wrapped__()
 
 
 def test_sampled_noise_of_the_sources():

@@ -150,7 +150,7 @@ COMMANDS = {
     ),
     "catalogue": (
         "schuler.cli.catalogue:catalogue",
-        "List the IMUs of the catalogue, or show one: each value with unit and source, unknown where unstated.",
+        "List the IMUs of the catalogue, or show one: each value with unit and page, unknown where unstated.",
         "schuler catalogue MPU-6000",
     ),
     "fetch": (

@@ -13,7 +13,7 @@ _TRIADS: tuple[tuple[Literal["gyro", "accel"], str], ...] = (("gyro", "gyroscope
 
 
 def catalogue(name: str | None = None, /, *, json: Flag = False) -> None:
-    """List the IMUs of the catalogue, or show one: each value with its unit and source, unknown where unstated.
+    """List the IMUs of the catalogue, or show one: each value with its unit and page, unknown where unstated.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def described(e: Entry) -> dict[str, Any]:
     return {
         "kind": e.kind, "device": e.is_device, "source": e.source, "notes": e.notes, "aliases": e.aliases,
         "rate_hz": e.rate_hz, **{which: _triad(e, which) for which, _ in _TRIADS}, "printed": dict(e.printed),
-        "unstated": e.unstated,
+        "printed_pages": {key: e.pages.get(f"printed.{key}") for key in e.printed}, "unstated": e.unstated,
     }  # fmt: skip
 
 
@@ -67,7 +67,7 @@ def _triad(e: Entry, which: Literal["gyro", "accel"]) -> dict[str, Any] | None:
         if stated is None
         else {
             "label": units[field][0].strip(), "value": stated[0], "unit": stated[1], "si": getattr(si, field),
-            "si_unit": units[field][1],
+            "si_unit": units[field][1], "page": e.pages.get(f"{which}.{field}"),
         }
         for field, stated in sensors.quantities(e, which).items()
     }  # fmt: skip
@@ -89,12 +89,16 @@ def text(e: Entry) -> str:
         units = GYRO_UNITS if which == "gyro" else ACCEL_UNITS
         for field, value in (values or {}).items():
             stated = "unknown" if value is None else f"{value['value']:g} {value['unit']}".rstrip()
-            lines.append(f"  {units[field][0].strip():<32}{stated}")
+            page = (value or {}).get("page") or ""
+            lines.append(f"  {units[field][0].strip():<32}{stated:<24}{page}".rstrip())
         density = (e.gyro if which == "gyro" else e.accel).get("density")
         lines += [f"  {'noise density taken as':<32}{density}"] if density else []
     if e.printed:
         lines += ["", "stated besides (each key names its unit)"]
-        lines += [f"  {key:<44}{_plain(value)}" for key, value in e.printed.items()]
+        lines += [
+            f"  {key:<44}{_plain(value):<24}{e.pages.get(f'printed.{key}', '')}".rstrip()
+            for key, value in e.printed.items()
+        ]
     if e.unstated:
         lines += [
             "",

@@ -13,13 +13,22 @@ from typing import Any, Literal, TypeAlias
 
 from schuler.exceptions import InputError
 from schuler.files import read_toml
-from schuler.sensors.sheets import ACCEL_UNITS, GYRO_UNITS, AccelerometerSheet, GyroSheet, sheet_keys, sheet_unit
+from schuler.sensors.sheets import (
+    ACCEL_UNITS,
+    GYRO_UNITS,
+    AccelerometerSheet,
+    GyroSheet,
+    check_entries,
+    sheet_keys,
+    sheet_unit,
+)
 from schuler.sensors.spec import ImuSpec, TriadSpec
 
 Kind: TypeAlias = Literal["imu", "gyro", "accelerometer", "grade", "class"]
 #: Where to look, for both interfaces.
 _LISTED = "catalogue.names() lists what there is, on the command line schuler catalogue"
 _KINDS = ("imu", "gyro", "accelerometer", "grade", "class")
+_SHEETS: dict[str, type[GyroSheet] | type[AccelerometerSheet]] = {"gyro": GyroSheet, "accel": AccelerometerSheet}
 #: Beginnings of the names of what a thesis made for a simulation or a table of classes.
 _THESES = ("flenniken-", "hayal-", "yaman-", "stefanisko-", "du-")
 
@@ -46,6 +55,9 @@ class Entry:
         What the source states besides; each key names its unit.
     unstated : tuple of str
         Fields of the budget, such as ``gyro.turn_on_bias``, that the source leaves out although every unit has them.
+    pages : mapping of str to str
+        Where the source states a field of the budget (``gyro.random_walk``) or a value printed besides
+        (``printed.accel_bias_mg``): ``page 12``, a table, or ``page not seen``. Empty where ``source`` says it.
     """
 
     name: str
@@ -58,6 +70,7 @@ class Entry:
     accel: Mapping[str, Any] = field(default_factory=dict)
     printed: Mapping[str, Any] = field(default_factory=dict)
     unstated: tuple[str, ...] = ()
+    pages: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def is_device(self) -> bool:
@@ -97,11 +110,8 @@ def quantities(e: Entry, which: Literal["gyro", "accel"]) -> dict[str, tuple[flo
     dict of str to (value, unit) or None
         By field of :class:`TriadSpec`, in the unit of the source; None where the source states nothing.
     """
-    sheet, keys, fields = (
-        (e.gyro, sheet_keys(GyroSheet), GYRO_UNITS)
-        if which == "gyro"
-        else (e.accel, sheet_keys(AccelerometerSheet), ACCEL_UNITS)
-    )
+    sheet, keys = (e.gyro if which == "gyro" else e.accel), sheet_keys(_SHEETS[which])
+    fields = GYRO_UNITS if which == "gyro" else ACCEL_UNITS
     stated = {keys[key][0]: (float(value), sheet_unit(key)) for key, value in sheet.items() if key in keys}
     return {name: stated.get(name) for name in fields}
 
@@ -221,10 +231,28 @@ def _entries() -> dict[str, Entry]:
         data["notes"] = " ".join(data.get("notes", "").split())
         for key in ("aliases", "unstated"):
             data[key] = tuple(data.get(key, ()))
+        pages: dict[str, str] = {}
         for key in ("gyro", "accel", "printed"):
-            data[key] = MappingProxyType(data.get(key, {}))  # read-only: every caller gets the same cached object
+            table = data.get(key, {})
+            pages |= _take_pages(table, name, key)
+            data[key] = MappingProxyType(table)  # read-only: every caller gets the same cached object
+        data["pages"] = MappingProxyType(pages)
         entries[name] = Entry(name=name, **data)
     return entries
+
+
+def _take_pages(table: dict[str, Any], name: str, which: str) -> dict[str, str]:
+    """Place in the source of each value of a table, which loses ``page``, of all values, and ``pages``, of some."""
+    page, some = table.pop("page", None), table.pop("pages", {})
+    values = [key for key in table if key != "density"]
+    check_entries(some, values, [], f"catalogue entry {name}: pages of {which}")
+    keys = sheet_keys(_SHEETS[which]) if which in _SHEETS else {}
+    places = {keys[key][0] if key in keys else key: some.get(key, page) for key in values}
+    return {
+        f"{which}.{value}": f"page {place}" if isinstance(place, int) else str(place)
+        for value, place in places.items()
+        if place is not None
+    }
 
 
 @cache

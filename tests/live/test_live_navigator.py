@@ -21,6 +21,7 @@ from schuler.navigation.run import navigate, prepared_run
 from schuler.recording.io import read
 
 ROUNDING = 1e-8  # geodetic coordinates and sums over blocks of other lengths [m]
+AIDS_OF_WHEELS = {"non_holonomic": {}}
 AIDS = {"zero_velocity": {}, "zero_rate": {}, "non_holonomic": {}}
 
 
@@ -137,6 +138,19 @@ def test_aids_measure_as_in_the_batch_run(recording):
     assert np.median(distances(rows, same)[settled]) < 0.02 * sigma  # statistical; seen 0.003
     assert distances(rows, same)[settled].max() < 0.5 * sigma  # seen 0.3
     assert live.solution().health == "ok"
+
+
+def test_wheels_are_less_sure_long_after_a_fix_as_in_the_batch_run(recording):
+    gnss = recording.need_gnss()
+    ended = replace(recording, gnss=gnss.where(gnss.t < 70.0))
+    config = {**cases.CONFIG, "aiding": {"non_holonomic": {"unaided_factor": 20.0}}}
+    live = live_run(ended, config)
+    rows = cases.fed(live, ended)
+    same, sure = (navigate(ended, c, initial=live.initial) for c in (config, {**config, "aiding": AIDS_OF_WHEELS}))
+    sigma = np.sqrt(np.trace(same.covariance[-1][6:9, 6:9]))
+    assert sigma > 1.2 * np.sqrt(np.trace(sure.covariance[-1][6:9, 6:9]))
+    assert distances(rows, same)[-20:].max() < 0.02 * sigma
+    assert np.sqrt(np.trace(live.covariance[6:9, 6:9])) == pytest.approx(sigma, rel=0.01)
 
 
 def test_the_filter_of_live_aids_is_the_engine(recording):

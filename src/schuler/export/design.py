@@ -130,6 +130,9 @@ def check_exported(config: NavigationConfig, layout: StateLayout | None = None) 
         wrong.append(f'gnss.coupling = "{config.gnss.coupling}" (loose and off are)')
     wrong += [f"aiding.{name}" for name in LEFT_OUT if getattr(config.aiding, name) is not None]
     wrong += [f"the state block {name}" for name in _UNSEEN if layout is not None and name in layout]
+    wheels = config.aiding.non_holonomic
+    if wheels is not None and wheels.unaided_factor != 1.0:
+        wrong.append("aiding.non_holonomic.unaided_factor")
     if config.filter.tune is True:
         wrong.append("filter.tune = true (run schuler tune, which writes the noise into the configuration)")
     if wrong:

@@ -22,7 +22,7 @@ from schuler.live.messages import Fix, Heading, Height, Speed
 from schuler.live.rests import RestMeasurements
 from schuler.live.weighing import Weighing
 from schuler.navigation.aids.aiding import Sources, aiding_schedule, no_slip_options
-from schuler.navigation.aids.vehicle import SMOOTHING_S, no_slip
+from schuler.navigation.aids.vehicle import SMOOTHING_S, no_slip, weaker_without_fixes
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.gnss_faults import held
 from schuler.navigation.inputs.preparation import prepared_gnss, with_late_velocities
@@ -141,6 +141,8 @@ class LiveAids:
             missing = ", ".join(name for name in ranges.groups if name not in self.clocks)
             notes.append(f"ranges of {missing} are left out: when the run started, there were none of this clock")
         of_state = replace(ranges.where(clock >= 0), group=clock[clock >= 0], groups=self.clocks)
+        if len(of_state.t):
+            self.last_used["ranges"] = float(of_state.t.max())
         schedule, _ = aiding_schedule(
             Sources(_NO_IMU, ranges=of_state), self._of_fixes, self.spec, self.start, self.origin
         )
@@ -287,7 +289,9 @@ class LiveAids:
         fresh = t > (self._motion["t"][-1] if len(self._motion) else -np.inf)
         self._motion.append(t=t[fresh], force=np.column_stack((across, along))[fresh])
         usual = np.median(self._motion["force"], axis=0)
-        return no_slip(t, (turn, across - usual[0], along - usual[1]), **no_slip_options(section))
+        made = no_slip(t, (turn, across - usual[0], along - usual[1]), **no_slip_options(section))
+        fixes = np.sort([self.start, *(fix.t for fix in self.fixes), self.last_used.get("ranges", self.start)])
+        return weaker_without_fixes(made, section.unaided_factor, fixes)
 
 
 def series_of(fixes: Sequence[Fix]) -> GnssSeries:

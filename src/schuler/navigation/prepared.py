@@ -13,10 +13,13 @@ from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout
 from schuler.gnss.ranges import Ranges
+from schuler.navigation.aids.vehicle import times_of_fixes
 from schuler.navigation.inputs.satellites import Points
 from schuler.navigation.start.calibration import CalibrationStart
 from schuler.recording.series import ImuSeries, Increments
 from schuler.sensors.spec import ImuSpec
+
+LONG_S = 30.0  # without fixes: noise is tuned by fixes up to half as far apart [s]
 
 
 @dataclass(frozen=True)
@@ -76,3 +79,9 @@ class PreparedRun:
             self.increments, self.schedule, self.initial, self.layout, *self.psd, self.options, progress,
             keep_part=keep_part,
         )  # fmt: skip
+
+
+def longest_without_fixes(prepared: PreparedRun) -> float:
+    """Longest time without a measurement of GNSS in a run, its start and end included. [s]"""
+    fixes = times_of_fixes(prepared.schedule, prepared.initial.nav.t)
+    return float(np.diff(np.append(fixes, prepared.increments.t[-1])).max())

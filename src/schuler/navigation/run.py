@@ -20,6 +20,7 @@ from schuler.filtering.measurements import in_windows
 from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
+from schuler.navigation.aids.vehicle import times_of_fixes, weaker_without_fixes
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.antenna import antenna_note, is_of_antenna
 from schuler.navigation.inputs.gnss_faults import rejections
@@ -213,6 +214,9 @@ def prepared_run(
     )  # fmt: skip
     notes += notes_of_aids
     schedule = with_late_velocities(schedule.outside(windows), delay, initial.nav.t, notes)
+    if config.aiding.non_holonomic is not None:
+        factor, times = config.aiding.non_holonomic.unaided_factor, times_of_fixes(schedule, initial.nav.t)
+        schedule = weaker_without_fixes(schedule, factor, times)
     if not len(schedule):
         notes.append("no measurement is used: this is a free inertial solution")
     prepared = PreparedRun(

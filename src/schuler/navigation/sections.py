@@ -176,6 +176,9 @@ class NonHolonomicSection(Section):
     max_turn_rate_deg_s: Positive = Field(20.0, description="lateral: sharper turns do not count")
     max_lateral_m_s2: Positive = Field(4.0, description="lateral: harder turns do not count")
     max_forward_m_s2: Positive = Field(3.0, description="vertical: harder braking does not count")
+    unaided_factor: Positive = Field(
+        1.0, description="factor on both sigmas later than 15 s after the last fix: slip and mount errors last"
+    )
     gate: Gate = Field(0.9999, description="probability with which a good update passes, or off")
 
 

@@ -10,7 +10,16 @@ from schuler import frames, rotation
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, run
 from schuler.filtering.initial_state import InitialState
-from schuler.filtering.measurements import GATED, LATERAL, SPEED, VERTICAL, MeasurementSchedule, gate_threshold, merged
+from schuler.filtering.measurements import (
+    GATED,
+    LATERAL,
+    POSITION,
+    SPEED,
+    VERTICAL,
+    MeasurementSchedule,
+    gate_threshold,
+    merged,
+)
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.aids.vehicle import (
@@ -18,6 +27,8 @@ from schuler.navigation.aids.vehicle import (
     non_holonomic,
     odometer_measurements,
     smoothed_motion,
+    times_of_fixes,
+    weaker_without_fixes,
 )
 from schuler.recording.series import ImuSeries, OdometerSeries
 from schuler.simulation.imu import truth
@@ -59,6 +70,21 @@ def test_times_and_noise():
 
 def test_without_a_gate_every_update_passes():
     assert np.all(np.isinf(non_holonomic(log(), gate=None).gate))
+
+
+def test_sigmas_are_larger_from_fifteen_seconds_after_the_last_fix():
+    """Of wheels alone; by what came before, so that a live run has the same."""
+    wheels = non_holonomic(log(60.0), rate_hz=2.0)
+    fix = MeasurementSchedule.of(POSITION, [20.0], np.zeros((1, 3)), np.eye(3)[None])
+    schedule = merged(wheels, fix)
+    times = times_of_fixes(schedule, 1.0)
+    np.testing.assert_array_equal(times, [1.0, 20.0])
+    weaker = weaker_without_fixes(schedule, 3.0, times)
+    late = ((schedule.t > 16.0) & (schedule.t < 20.0)) | (schedule.t > 35.0)
+    expected = np.where(late & (schedule.kind != POSITION), 9.0, 1.0)
+    np.testing.assert_allclose(weaker.R[:, 0, 0] / schedule.R[:, 0, 0], expected, rtol=1e-12)  # rounding
+    assert weaker_without_fixes(schedule, 1.0, times) is schedule
+    assert weaker_without_fixes(fix, 3.0, times) is fix
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

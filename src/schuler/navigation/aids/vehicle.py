@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from math import ceil
 
 import numpy as np
 
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, as_vector3
 from schuler.exceptions import InputError
-from schuler.filtering.measurements import LATERAL, SPEED, VERTICAL, MeasurementSchedule, gate_threshold, merged
+from schuler.filtering.measurements import (
+    GNSS_KINDS,
+    LATERAL,
+    SPEED,
+    VERTICAL,
+    MeasurementSchedule,
+    gate_threshold,
+    merged,
+)
 from schuler.recording.series import ImuSeries, OdometerSeries
 from schuler.standstill.detectors import moving_moments, window_samples
 
 #: Conditions look at means over so long: vibration is not a manoeuvre. [s]
 SMOOTHING_S = 0.5
+#: Noise is tuned by fixes up to so far apart; what lasts longer is not seen there. [s]
+UNAIDED_S = 15.0
 
 
 @dataclass(frozen=True)
@@ -146,6 +156,36 @@ def no_slip(
         return MeasurementSchedule.of(kind, t, z, sigma**2, lever, np.where(met, threshold, -1.0))
 
     return merged(schedule(LATERAL, sigma_lateral, lateral), schedule(VERTICAL, sigma_vertical, vertical))
+
+
+def weaker_without_fixes(schedule: MeasurementSchedule, factor: float, fixes: FloatArray) -> MeasurementSchedule:
+    """The schedule with larger sigmas of wheels that do not slip where the last fix is long ago.
+
+    Parameters
+    ----------
+    schedule : MeasurementSchedule
+    factor : float
+        On 1-sigma of the velocity across and up, later than :data:`UNAIDED_S` after the last fix.
+    fixes : ndarray, shape (m,)
+        Times of fixes, and that from which there is none if none comes first. Ascending. [s]
+
+    Notes
+    -----
+    What a car slips, pitches and leans, and what its mount angle is off, lasts for seconds or for minutes: noise that
+    is right beside fixes claims too much of a mean over minutes. Only what came before counts, so that a live run has
+    the same.
+    """
+    wheels = np.isin(schedule.kind, (LATERAL, VERTICAL))
+    if factor == 1.0 or not wheels.any():
+        return schedule
+    last = fixes[np.maximum(np.searchsorted(fixes, schedule.t, side="right") - 1, 0)]
+    late = wheels & (schedule.t - last > UNAIDED_S)
+    return replace(schedule, R=np.where(late, factor**2, 1.0)[:, None, None] * schedule.R)
+
+
+def times_of_fixes(schedule: MeasurementSchedule, start: float) -> FloatArray:
+    """Start of a run and times of its measurements of GNSS, ascending. Shape (m,). [s]"""
+    return np.append(start, schedule.t[np.isin(schedule.kind, GNSS_KINDS)])
 
 
 def smoothed_motion(imu: ImuSeries, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -36,6 +36,10 @@ _LATE_OR_ELSEWHERE = (
     "the log hardly tells an offset of GNSS stamps from a lever arm, or the offset changes: state imu.clock_shift_s or "
     "gnss.lever_arm_m"
 )
+_LASTING = (
+    "errors of the IMU that its noise does not have: scale, temperature, a mount that gives way (imu; "
+    "schuler calibrate)"
+)
 #: Openings of notes on the log that explain a wreck.
 _TELLING = ("GNSS velocities seem to be", "GNSS positions jump")
 
@@ -107,6 +111,12 @@ def causes(result: NavigationResult, findings: list[Finding]) -> list[str]:
         explained.append((0.7, "the motion does not show the heading: give it (alignment.rpy_deg), or drive turns"))
     if "untested" in size:
         explained.append((0.8, "the run starts late in its log, or has too few fixes: give the attitude (alignment)"))
+    if "unaided" in size:
+        explained.append((0.85, _LASTING))
+    if "untested time" in size:
+        explained.append(
+            (0.75, "the time without fixes is too long for what the log shows: name the IMU (imu.catalogue)")
+        )
     if "claims" in size:
         explained.append((0.65, "fixes come too rarely for this IMU, or its tuned noise is too large: state it (imu)"))
     if not explained:

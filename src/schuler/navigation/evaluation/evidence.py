@@ -26,7 +26,7 @@ from schuler.filtering.measurements import (
 )
 from schuler.filtering.states import BLOCK_TEXT
 from schuler.navigation.evaluation.consistency import judged, matched_satellites
-from schuler.navigation.inputs.gnss_faults import LARGER, SLOW_LEFT, enlargement
+from schuler.navigation.inputs.gnss_faults import LARGER, SLOW_LEFT, UNAIDED_UNTESTED, UNAIDED_WRONG, enlargement
 from schuler.navigation.inputs.imu_axes import AGAINST_COURSE
 from schuler.navigation.inputs.imu_noise import NO_NOISE, NOISIER
 from schuler.navigation.start.heading import HEADING_CONTRADICTED
@@ -91,6 +91,8 @@ def evidence(result: NavigationResult) -> list[Finding]:
             cured = factor <= (_ENLARGED_GNSS if "GNSS" in note else _ENLARGED)
             findings.append(Finding(-1 if cured else 0, note, "adapted", factor))
     findings += [Finding(0, note, "slow left") for note in result.notes if note.startswith(SLOW_LEFT)]
+    findings += [Finding(0, note, "unaided") for note in result.notes if note.startswith(UNAIDED_WRONG)]
+    findings += [Finding(0, note, "untested time") for note in result.notes if note.startswith(UNAIDED_UNTESTED)]
     findings += [Finding(0, note, "no noise") for note in result.notes if note.startswith(NO_NOISE)]
     findings += [Finding(0, n, "against course") for n in result.notes if n.startswith(AGAINST_COURSE)]
     findings += [Finding(0, n, "heading given") for n in result.notes if n.startswith(HEADING_CONTRADICTED)]

@@ -16,6 +16,7 @@ from schuler.filtering.engine import FilterOptions, run
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import GNSS_KINDS, MeasurementSchedule
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
+from schuler.navigation.aids.vehicle import weaker_without_fixes
 from schuler.navigation.config import NavigationConfig, OutageSection
 from schuler.navigation.evaluation.architectures import reference_of
 from schuler.navigation.evaluation.consistency import chi_square_band
@@ -316,12 +317,14 @@ class _UnaidedLog(NamedTuple):
     gyro_psd: FloatArray
     accel_psd: FloatArray
     options: FilterOptions
+    factor: float  # on sigmas of wheels long after the last fix
 
 
 def _unaided_log(recording: Recording, config: NavigationConfig, base: NavigationResult, step: float) -> _UnaidedLog:
     """The log and all aids but GNSS, as :func:`schuler.navigation.run.navigate` prepares them."""
     spec = imu_spec(config)
     imu = prepared_imu(recording.need_imu(), config, [], begins=float(base.trajectory.t[0]))
+    wheels = config.aiding.non_holonomic
     off = config.model_copy(update={"gnss": config.gnss.model_copy(update={"coupling": "off"})})
     # GNSS must not help to find rest, so all of the log is an outage
     schedule, _ = aiding_schedule(
@@ -331,7 +334,7 @@ def _unaided_log(recording: Recording, config: NavigationConfig, base: Navigatio
     options = replace(filter_options(config, imu), output_rate_hz=1.0 / step)
     return _UnaidedLog(
         imu.increments(order=config.imu.rate_order), schedule.where(~np.isin(schedule.kind, GNSS_KINDS)),
-        *white_noise_psd(config, spec), options,
+        *white_noise_psd(config, spec), options, 1.0 if wheels is None else wheels.unaided_factor,
     )  # fmt: skip
 
 
@@ -342,6 +345,7 @@ def _fork(unaided: _UnaidedLog, base: NavigationResult, k: int, longest: float) 
     step = unaided.options.record_s
     increments = unaided.increments.between(t - 1e-9, t + longest + 1.5 * step)
     forked = unaided.schedule.where((unaided.schedule.t > t + 1e-6) & (unaided.schedule.t <= increments.t[-1]))
+    forked = weaker_without_fixes(forked, unaided.factor, np.array([t]))
     forward = run(
         increments,
         forked,

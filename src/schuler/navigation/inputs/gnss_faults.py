@@ -15,6 +15,9 @@ from schuler.timebase import WEEK_S
 LARGER = "innovations show that the"
 #: Beginning of the note on a slow error of positions that a run does not have.
 SLOW_LEFT = "GNSS positions seem to have a slow error that their accuracies leave out"
+#: Beginnings of the notes on claims without fixes: what stretches made without contradict, and what none tested.
+UNAIDED_WRONG = "claims without fixes are too small"
+UNAIDED_UNTESTED = "claims without fixes are not tested"
 
 _MOVING = 1.0  # speed from which a direction means something [m/s]
 _PAIRS = 20  # fewer do not convict

@@ -36,6 +36,7 @@ from schuler.navigation.tuning.rough import rough_factor, rough_note, with_rough
 from schuler.navigation.tuning.search import proven
 from schuler.navigation.tuning.start import unless_refuted
 from schuler.navigation.tuning.tuning import contradicted, slow_error_beside_stated, too_few, tune
+from schuler.navigation.tuning.unaided import as_sure_as_withheld
 
 #: Note on a run whose noise is its user's word although innovations speak against it.
 STATED_NOISE = (
@@ -56,6 +57,21 @@ class Supported(NamedTuple):
 
 
 def supported_run(config: NavigationConfig, prepare: Prepare, *, aligned: bool) -> Supported:
+    """The run of a configuration with what its log supports where that is not stated, also in minutes without fixes.
+
+    Parameters
+    ----------
+    config, prepare, aligned
+        See :func:`tuned_run`.
+    """
+    tuned = tuned_run(config, prepare, aligned=aligned)
+    if config.filter.tune is False or (config.filter.tune == "auto" and config.noise_is_stated):
+        return tuned
+    chosen, run, notes = as_sure_as_withheld(tuned.config, tuned.run)
+    return Supported(chosen, run, [*tuned.notes, *notes])
+
+
+def tuned_run(config: NavigationConfig, prepare: Prepare, *, aligned: bool) -> Supported:
     """The run of a configuration with what its log supports where that is not stated.
 
     Parameters

@@ -33,6 +33,8 @@ MEASURED = {
 #: vertical has the gravity, and most of what shakes; the other two are tuned together.
 WHITE = {"gyro": 0, "accel": 1, "accel_down": 1}
 _WANDER = {"gyro_bias": ("b_g_run", "b_g"), "accel_bias": ("b_a_run", "b_a")}
+#: The latter.
+WANDERS = tuple(_WANDER)
 #: Factor on the sigma of a slow error of positions, which a run has only where it is recognised.
 SLOW = "slow"
 #: All terms, in the order of tables.

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from schuler.arrays import BoolArray, FloatArray
+from schuler.arrays import BoolArray
 from schuler.exceptions import InputError
-from schuler.filtering.measurements import KINDS, POSITION, RANGE_RATE, VELOCITY, MeasurementSchedule
+from schuler.filtering.measurements import KINDS, RANGE_RATE
 from schuler.navigation.inputs.gnss_faults import SLOW_LEFT
 from schuler.navigation.inputs.imu_noise import NO_NOISE, is_no_noise
-from schuler.navigation.prepared import PreparedRun
+from schuler.navigation.prepared import LONG_S, PreparedRun, longest_without_fixes
+from schuler.navigation.tuning.floors import noise_floors
 from schuler.navigation.tuning.likelihood import Residuals, epochs, halves, residuals_of, trials
 from schuler.navigation.tuning.noise import (
     MEASURED,
     SLOW,
     TUNING_KINDS,
+    WANDERS,
     WHITE,
     terms_of,
     vertical_axis,
@@ -39,7 +41,6 @@ _OUTLIER = 25.0  # normalised innovation squared per component beyond which a fi
 _T95 = 1.96
 _CONSISTENT = (0.7, 1.4)  # mean normalised innovation squared of a run that is left as it is
 _CLEARLY_OFF = (0.5, 2.0)  # the same, beyond which stretches that differ are no excuse
-_STILL = 0.5  # GNSS speed of what may stand [m/s]
 _CERTAIN = 3.0  # standard errors beyond that
 _JUDGES = 8  # fixes of a kind and spacing that judge
 
@@ -212,12 +213,14 @@ def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
     If these are likelier by 8, and by two standard errors or so that their mean normalised innovation squared is within
     0.7 to 1.4 now where it was not, all fixes refine the factors. A sigma of measurements that would be smaller than
     stated stays as stated where the interval holds that: beside a noisy IMU fixes are believed however good they are
-    said to be. The intervals hold the difference between both choices. A slow error of positions is taken where fixes
-    are likelier with it (:func:`~schuler.navigation.tuning.slow_search.likeliest_slow_error`); sigmas of
+    said to be. So does the wander of biases in a run without fixes for half a minute, in which it counts. The intervals
+    hold the difference between both choices. A slow error of positions is taken where fixes are likelier with it
+    (:func:`~schuler.navigation.tuning.slow_search.likeliest_slow_error`); sigmas of
     pseudoranges whose innovations stay with a satellite are enlarged first
     (:func:`~schuler.navigation.tuning.slow.range_factor`) and then left. All runs begin smoothed
     (:func:`~schuler.navigation.tuning.start.with_smoothed_start`).
     """
+    kept = {*MEASURED, *(WANDERS if longest_without_fixes(prepared) > LONG_S else ())}
     prepared = first_part(with_wander(prepared))
     if np.any(fixes_of(prepared)):
         prepared = with_smoothed_start(prepared)
@@ -256,7 +259,7 @@ def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
     if better:
         everything = residuals_of(trials(model, fixes & ~outlying))
         final = fit(model, everything, terms, start=half.factors, floors=floors, iterations=3)
-        unseen = _unseen(final, half)
+        unseen = _unseen(final, half, kept)
         if unseen:
             terms = tuple(name for name in terms if name not in unseen)
             final = fit(model, everything, terms, start=final.factors, floors=floors, iterations=3)
@@ -426,10 +429,10 @@ def _contradict(residuals: Residuals) -> bool:
     return any(not _CONSISTENT[0] <= nis <= _CONSISTENT[1] for nis in residuals.nis().values())
 
 
-def _unseen(final: Fit, half: Fit) -> list[str]:
-    """Sigmas of measurements that would be smaller than stated although the log does not exclude the stated ones."""
+def _unseen(final: Fit, half: Fit, names: Collection[str]) -> list[str]:
+    """Of some terms those that would be smaller than stated although the log does not exclude the stated ones."""
     intervals = _intervals(final, half)
-    return [name for name, factor in final.factors.items() if name in MEASURED and factor < 1.0 < intervals[name][1]]
+    return [name for name, factor in final.factors.items() if name in names and factor < 1.0 < intervals[name][1]]
 
 
 def _intervals(final: Fit, half: Fit) -> dict[str, tuple[float, float]]:
@@ -440,50 +443,6 @@ def _intervals(final: Fit, half: Fit) -> dict[str, tuple[float, float]]:
         width = _T95 * float(np.hypot(final.spread[name], apart))
         intervals[name] = (factor * float(np.exp(-width)), factor * float(np.exp(width)))
     return intervals
-
-
-def noise_floors(prepared: PreparedRun) -> dict[str, float]:
-    """Smallest factors on the IMU's white noise: what it shows at rest, by its Allan deviation over a second."""
-    from schuler.standstill.stationarity import static_intervals
-
-    imu = prepared.imu
-    rests = static_intervals(imu, min_s=10.0)
-    length = np.where(_unmoved(prepared.schedule, rests.start, rests.stop), rests.duration, 0.0)
-    if not length.any():
-        return {}
-    k = int(np.argmax(length))
-    still = imu.between(float(rests.start[k]), float(rests.stop[k])).rates()
-    floors = {}
-    for name, triad in WHITE.items():
-        noise, psd = _white_noise((still.gyro, still.accel)[triad], still.interval), prepared.psd[triad].max()
-        if noise > 0.0 and psd > 0.0:
-            floors[name] = noise / float(np.sqrt(psd))
-    return floors
-
-
-def _unmoved(schedule: MeasurementSchedule, start: FloatArray, stop: FloatArray) -> BoolArray:
-    """Which stretches have fixes within, and none that moves: a smooth ride is as quiet as rest."""
-    still = np.zeros(len(start), dtype=bool)
-    for i, (a, b) in enumerate(zip(start, stop, strict=True)):
-        within = (schedule.t >= a) & (schedule.t <= b)
-        r, v = (
-            schedule.z[within & (schedule.kind == POSITION), :3],
-            schedule.z[within & (schedule.kind == VELOCITY), :3],
-        )
-        sigma = np.sqrt(np.einsum("nii->n", schedule.R[within & (schedule.kind == POSITION)]))
-        if len(r) > 1 and np.all(np.linalg.norm(v[:, :2], axis=1) < _STILL):
-            still[i] = bool(np.linalg.norm(r[-1] - r[0]) < 0.1 * (b - a) + 4.0 * np.median(sigma))
-    return still
-
-
-def _white_noise(values: FloatArray, interval: float) -> float:
-    """White-noise root density of the quietest axis, from the Allan deviation of means over a second."""
-    m = max(1, round(1.0 / interval))
-    means = values[: len(values) // m * m].reshape(-1, m, values.shape[1]).mean(axis=1)
-    if len(means) < 5:
-        return 0.0
-    deviation = np.sqrt(0.5 * np.mean(np.diff(means, axis=0) ** 2, axis=0))
-    return float(deviation.min() * np.sqrt(m * interval))
 
 
 def _bias_models(prepared: PreparedRun, factors: dict[str, float]) -> dict[str, dict[str, float]]:

@@ -213,14 +213,14 @@ def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
     If these are likelier by 8, and by two standard errors or so that their mean normalised innovation squared is within
     0.7 to 1.4 now where it was not, all fixes refine the factors. A sigma of measurements that would be smaller than
     stated stays as stated where the interval holds that: beside a noisy IMU fixes are believed however good they are
-    said to be. So does the wander of biases in a run without fixes for half a minute, in which it counts. The intervals
-    hold the difference between both choices. A slow error of positions is taken where fixes are likelier with it
-    (:func:`~schuler.navigation.tuning.slow_search.likeliest_slow_error`); sigmas of
+    said to be. So does the wander of biases in a run without fixes for half a minute, in which it counts, unless fixes
+    are less likely so by 8. The intervals hold the difference between both choices. A slow error of positions is taken
+    where fixes are likelier with it (:func:`~schuler.navigation.tuning.slow_search.likeliest_slow_error`); sigmas of
     pseudoranges whose innovations stay with a satellite are enlarged first
     (:func:`~schuler.navigation.tuning.slow.range_factor`) and then left. All runs begin smoothed
     (:func:`~schuler.navigation.tuning.start.with_smoothed_start`).
     """
-    kept = {*MEASURED, *(WANDERS if longest_without_fixes(prepared) > LONG_S else ())}
+    minutes = longest_without_fixes(prepared) > LONG_S
     prepared = first_part(with_wander(prepared))
     if np.any(fixes_of(prepared)):
         prepared = with_smoothed_start(prepared)
@@ -259,10 +259,12 @@ def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
     if better:
         everything = residuals_of(trials(model, fixes & ~outlying))
         final = fit(model, everything, terms, start=half.factors, floors=floors, iterations=3)
-        unseen = _unseen(final, half, kept)
-        if unseen:
-            terms = tuple(name for name in terms if name not in unseen)
-            final = fit(model, everything, terms, start=final.factors, floors=floors, iterations=3)
+        for kept, most in ((MEASURED, np.inf), (WANDERS if minutes else (), LEAST_GAIN)):
+            if unseen := _unseen(final, half, kept):
+                left = tuple(name for name in terms if name not in unseen)
+                stated = fit(model, everything, left, start=final.factors, floors=floors, iterations=3)
+                if stated.loss - final.loss < most:
+                    final, terms = stated, left
     factors, intervals = dict(final.factors), _intervals(final, half)
     if ranges_slow > 1.0:
         if not better:  # the slow errors are there all the same

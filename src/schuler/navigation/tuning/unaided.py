@@ -13,8 +13,6 @@ from schuler.navigation.aids.vehicle import UNAIDED_S, times_of_fixes, weaker_wi
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.gnss_faults import UNAIDED_UNTESTED, UNAIDED_WRONG
 from schuler.navigation.prepared import LONG_S, PreparedRun, longest_without_fixes
-from schuler.navigation.result import NavigationResult
-from schuler.navigation.start.alignment import advance_to_log_start
 from schuler.navigation.tuning.likelihood import Residuals, spacing_of
 from schuler.navigation.tuning.tuning import first_part
 from schuler.sensors import catalogue
@@ -22,9 +20,8 @@ from schuler.sensors import catalogue
 # Chosen on oan_phone_drive, rtkexp_drive, morpinet_car 2 and 4, MH_04 and V2_01, as docs/robustness.md has them.
 _PARTS = 4.0  # of the time with fixes: a stretch made is at most one of them, so that three or so do not overlap
 _LONGEST = 300.0  # [s]
-_COUNT = 16  # stretches made
-_WARM = 60.0, 0.15  # seconds of the run before the first, and share of the time with fixes
-_AGES = np.array([0.5, 0.75, 1.0])  # of a stretch, at which its fixes judge
+_COUNT = 12  # stretches made
+_WARM = 1.0 / 3.0  # of the time with fixes, before the first: the run is as settled as in its own stretch
 _FACTORS = (2.0, 4.0, 8.0, 16.0, 32.0)
 _WRONG = 4.0  # mean normalised square of errors: they are twice what is claimed
 _TAIL = 0.999  # of chi-square
@@ -44,7 +41,7 @@ class Stretches:
     apart : float
         How many do not overlap.
     residuals : Residuals
-        Horizontal, of fixes at some ages; the horizon is the age.
+        Horizontal, of the fix at the end of each.
     """
 
     length_s: float
@@ -54,13 +51,13 @@ class Stretches:
     @property
     def nees(self) -> float:
         """Mean normalised horizontal error squared at the ends, per degree of freedom."""
-        end = (self.residuals.horizon > 0.99 * self.length_s)[:, None] & (self.residuals.weight > 0.0)
-        return float(np.mean(self.residuals.normalised[end] ** 2)) if end.any() else 1.0
+        counted = self.residuals.weight > 0.0
+        return float(np.mean(self.residuals.normalised[counted] ** 2)) if counted.any() else 1.0
 
     @property
     def loss(self) -> float:
-        """Negative log likelihood of as many stretches as do not overlap, outliers capped."""
-        return float(self.residuals.scores().mean()) * len(_AGES) * self.apart
+        """Negative log likelihood of a stretch in the mean, outliers capped."""
+        return float(self.residuals.scores().mean())
 
     @property
     def is_wrong(self) -> bool:
@@ -70,7 +67,7 @@ class Stretches:
 
 
 class Withheld:
-    """Stretches without fixes, made in a run from records of its filter on, as exact as runs of their own.
+    """Stretches without fixes, made in a run: each a run of its own, whose fixes end where it begins.
 
     Parameters
     ----------
@@ -96,26 +93,17 @@ class Withheld:
 
     @property
     def can_judge(self) -> bool:
-        """Whether there are fixes enough for stretches longer than those that noise is tuned by."""
-        return self.length_s > UNAIDED_S and self.run.layout.visible.size == self.run.layout.size
-
-    @cached_property
-    def base(self) -> NavigationResult:
-        """The run with its fixes."""
-        spacing = max(1.0, self.covered_s / 900.0)
-        options = replace(self.run.options, record_s=spacing, output_rate_hz=0.1, smoother=False)
-        forward = replace(self.run, options=options).run()
-        return NavigationResult.from_run(forward, self.run.schedule.t, self.run.schedule.kind, self.run.layout)
+        """Whether there are fixes enough for stretches much longer than those that noise is tuned by."""
+        return self.length_s >= LONG_S and len(self.starts) >= _FEWEST
 
     @cached_property
     def starts(self) -> FloatArray:
-        """Records from which a stretch begins that has fixes throughout, evenly over the run. Shape (n,). [s]"""
-        t = self.base.t[self.base.t >= self.base.t[0] + min(_WARM[0], _WARM[1] * self.covered_s)]
-        before = np.maximum(np.searchsorted(self.fixes, t, side="right") - 1, 0)
+        """Fixes after which a stretch begins that has fixes throughout, evenly over the run. Shape (n,). [s]"""
+        t = self.fixes[self.fixes >= self.fixes[0] + _WARM * self.covered_s]
+        first = len(self.fixes) - len(t)
         end = np.searchsorted(self.fixes, t + self.length_s)
-        t, before, end = (x[end < len(self.fixes)] for x in (t, before, end))
         pauses = np.concatenate(([0], np.cumsum(~self._near)))
-        t = t[(pauses[before] == pauses[end]) & (t - self.fixes[before] < 3.0 * self._usual)]
+        t = t[(end < len(self.fixes)) & (pauses[first:] == pauses[np.minimum(end, len(pauses) - 1)])]
         k = np.unique(np.linspace(0, len(t) - 1, _COUNT).astype(np.int64)) if len(t) else np.empty(0, np.int64)
         return np.asarray(t[k])
 
@@ -127,27 +115,32 @@ class Withheld:
         factor : float
         """
         parts = [self._one(float(t), factor) for t in self.starts]
-        t, age, y, v = (np.concatenate([part[i] for part in parts]) for i in range(4))
+        y, v = np.array([part[0] for part in parts]), np.array([part[1] for part in parts])
         good = np.isfinite(y) & (v > 0.0)
-        y, v = np.where(good, y, 0.0), np.where(good, v, 1.0)
-        weight = good * np.array([1.0, 1.0, 0.0]) / len(_AGES)
+        y, v, weight = np.where(good, y, 0.0), np.where(good, v, 1.0), good * np.array([1.0, 1.0, 0.0])
+        n = len(parts)
         apart = max(1.0, min(float(len(self.starts)), self.covered_s / self.length_s - 1.0))
-        return Stretches(self.length_s, apart, Residuals(t, np.full(len(t), POSITION), age, y, v, weight))
+        t, kind, horizon = self.starts, np.full(n, POSITION), np.full(n, self.length_s)
+        return Stretches(self.length_s, apart, Residuals(t, kind, horizon, y, v, weight))
 
-    def _one(self, t: float, factor: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Start, ages, innovations and variances of one stretch."""
-        run, schedule, ages = self.run, self.run.schedule, self.length_s * _AGES
+    def _one(self, t: float, factor: float) -> tuple[FloatArray, FloatArray]:
+        """Innovation of the fix at the end of a stretch, and its variance. Shapes (3,).
+
+        That fix alone is offered: several beyond the gate would be let in, and enlarge the covariance.
+        """
+        run, schedule = self.run, self.run.schedule
         usable = np.flatnonzero(self._judges)
-        at = usable[np.searchsorted(schedule.t[usable], t + ages)]
-        others = (schedule.t > t + 1e-6) & (schedule.t <= schedule.t[at[-1]]) & ~np.isin(schedule.kind, GNSS_KINDS)
-        judges = replace(schedule.where(at), gate=np.full(len(at), _NEVER))
-        offered = merged(weaker_without_fixes(schedule.where(others), factor, np.array([t])), judges)
-        increments = run.increments.between(t - 1e-9, float(offered.t[-1]) + 0.1)
-        start = advance_to_log_start(self.base.state_at(int(np.searchsorted(self.base.t, t))), increments)
+        at = usable[np.searchsorted(schedule.t[usable], t + self.length_s)]
+        end = float(schedule.t[at])
+        offered = schedule.where(np.where(np.isin(schedule.kind, GNSS_KINDS), schedule.t <= t, schedule.t <= end))
+        offered = weaker_without_fixes(offered, factor, times_of_fixes(offered, run.initial.nav.t))
+        judge = schedule.where(np.array([at]))
+        offered = merged(offered, replace(judge, gate=np.full(1, _NEVER)))
+        increments = run.increments.between(run.increments.start - 1e-9, end + 0.1)
         options = replace(run.options, record_s=1e9, output_rate_hz=0.01, smoother=False)
-        forward = replace(run, increments=increments, schedule=offered, initial=start, options=options).run()
-        k = offered.kind == POSITION
-        return np.full(len(ages), t), ages, forward.innovation[k], forward.variance[k]
+        forward = replace(run, increments=increments, schedule=offered, options=options).run()
+        k = int(np.flatnonzero(offered.kind == POSITION)[-1])
+        return forward.innovation[k], forward.variance[k]
 
 
 def as_sure_as_withheld(config: NavigationConfig, run: PreparedRun) -> tuple[NavigationConfig, PreparedRun, list[str]]:
@@ -170,17 +163,18 @@ def as_sure_as_withheld(config: NavigationConfig, run: PreparedRun) -> tuple[Nav
     -----
     Noise is tuned by fixes up to :data:`~schuler.navigation.aids.vehicle.UNAIDED_S` apart. What wheels slip and what
     their mount is off is no white noise; in minutes a filter that takes it for that averages it away in its claim only.
-    The factor is the likeliest of powers of two.
+    The factor is the likeliest of powers of two, and 1 where errors are no larger than claimed.
     """
     longest = longest_without_fixes(run)
     if longest <= LONG_S or config.gnss.coupling != "loose" or not np.any(run.schedule.kind == POSITION):
         return config, run, []
     withheld = Withheld(run)
-    if not withheld.can_judge or len(withheld.starts) < _FEWEST:
+    if not withheld.can_judge:
         return config, run, _beyond(config, longest, UNAIDED_S)
     best, factor, notes = withheld.errors(), 1.0, []
     wheels = config.aiding.non_holonomic
-    if wheels is not None and np.any(run.schedule.kind == LATERAL) and "unaided_factor" not in wheels.model_fields_set:
+    sure = wheels is not None and np.any(run.schedule.kind == LATERAL) and best.nees > 1.0
+    if wheels is not None and sure and "unaided_factor" not in wheels.model_fields_set:
         before = best
         for other in _FACTORS:
             now = withheld.errors(other)

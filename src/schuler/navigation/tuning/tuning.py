@@ -432,7 +432,7 @@ def _contradict(residuals: Residuals) -> bool:
 
 
 def _unseen(final: Fit, half: Fit, names: Collection[str]) -> list[str]:
-    """Of some terms those that would be smaller than stated although the log does not exclude the stated ones."""
+    """Terms, of those named, that would be smaller than stated although the log does not exclude the stated ones."""
     intervals = _intervals(final, half)
     return [name for name, factor in final.factors.items() if name in names and factor < 1.0 < intervals[name][1]]
 

@@ -171,8 +171,10 @@ def as_sure_as_withheld(config: NavigationConfig, run: PreparedRun) -> tuple[Nav
     withheld = Withheld(run)
     if not withheld.can_judge:
         return config, run, _beyond(config, longest, UNAIDED_S)
-    best, factor, notes = withheld.errors(), 1.0, []
     wheels = config.aiding.non_holonomic
+    factor = 1.0 if wheels is None else wheels.unaided_factor
+    best = withheld.errors(factor)
+    notes: list[str] = []
     sure = wheels is not None and np.any(run.schedule.kind == LATERAL) and best.nees > 1.0
     if wheels is not None and sure and "unaided_factor" not in wheels.model_fields_set:
         before = best

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.io
 
+import schuler
 from schuler import earth, rotation, units
 from schuler.exceptions import FileFormatError, InputError
 from schuler.gnss.signals import SPEED_OF_LIGHT
@@ -127,6 +128,15 @@ def test_increments_ranges_and_ephemerides_on_one_time_axis(mat):
 def test_malformed_files(mat, changes, message):
     with pytest.raises(FileFormatError, match=message):
         read_psins_ranges(mat(**changes))
+
+
+def test_a_carrier_beyond_double_precision_is_a_damaged_number(mat):
+    obss = arrays()["obss"]
+    obss[0, 3] = 1e308
+    with np.errstate(over="raise"):  # no warning of numpy's either
+        read_psins_ranges(mat(obss=obss))
+    with pytest.raises(FileFormatError, match=r"row 1 of observations .* carrier phase is inf cycles"):
+        schuler.read(mat(obss=obss))
 
 
 def test_a_damaged_file(tmp_path):

@@ -318,8 +318,10 @@ def _observations(path: Path, obss: FloatArray, start: float) -> tuple[Observati
     tow, prn, pseudorange, carrier, sigma, approach = obss[order].T
     cycle = SPEED_OF_LIGHT / frequency_hz(1, "1C")
     n = len(tow)
+    with np.errstate(over="ignore"):  # beyond double precision is infinite, and refused as such
+        phase = carrier / cycle
     observations = Observations(
-        tow, prn.astype(np.int64), np.zeros(n, dtype=np.int64), ("1C",), pseudorange, -approach, carrier / cycle,
+        tow, prn.astype(np.int64), np.zeros(n, dtype=np.int64), ("1C",), pseudorange, -approach, phase,
         np.full(n, np.nan), start, notes=("The file has no carrier to noise densities.",),
     )  # fmt: skip
     return observations, sigma

@@ -366,7 +366,7 @@ def _accuracy_text(value: float) -> str:
 
 def _calendar_texts(t: FloatArray, epoch_gps_s: float) -> list[str]:
     """Dates and times with as many decimals of a second (3, 6 or 9) as the stamps need."""
-    if (longest := float(np.abs(t).max(initial=0.0))) > _LONGEST_S:
+    if (longest := float(np.abs(np.concatenate(([epoch_gps_s], t, t + epoch_gps_s))).max())) > _LONGEST_S:
         raise InputError(
             f"a .pos file has dates, and stamps up to {longest:.3g} s have none: expected up to {_LONGEST_S:g} s"
         )

@@ -151,13 +151,17 @@ def displacements(t: FloatArray, v_n: FloatArray, t_r: FloatArray, v_r: FloatArr
     a, b = max(t[0], t_r[0]), min(t[-1], t_r[-1])
     if b - a < 5.0 * _BASE_S:
         return none
-    edges = np.arange(a, b, _BASE_S)
-    d = _integral(t, v_n, edges)
-    r = _integral(t_r, v_r, edges)
-    gap = np.zeros(len(edges) - 1, dtype=bool)
+    # only stretches that hold a position: of a log with a pause of years the others would fill the memory
+    stretch = np.unique(np.floor((t_r - a) / _BASE_S))
+    stretch = stretch[(stretch >= 0.0) & (stretch < np.ceil((b - a) / _BASE_S) - 1.0)]
+    base = (a + _BASE_S) - a  # rounded as the stamps are
+    start, stop = a + base * stretch, a + base * (stretch + 1.0)
+    d = _integral(t, v_n, start, stop)
+    r = _integral(t_r, v_r, start, stop)
+    gap = np.zeros(len(start), dtype=bool)
     for x in (t, t_r):
         for k in np.flatnonzero(np.diff(x) > 2.0):
-            gap[max(np.searchsorted(edges, x[k]) - 1, 0) : np.searchsorted(edges, x[k + 1])] = True
+            gap[np.searchsorted(stop, x[k]) : np.searchsorted(start, x[k + 1])] = True
     keep = ~gap & np.isfinite(d).all(axis=1) & np.isfinite(r).all(axis=1)
     d, r = d[keep], r[keep]
     size_d, size_r = np.hypot(d[:, 0], d[:, 1]), np.hypot(r[:, 0], r[:, 1])
@@ -169,10 +173,9 @@ def displacements(t: FloatArray, v_n: FloatArray, t_r: FloatArray, v_r: FloatArr
     return Displacements(d, r)
 
 
-def _integral(t: FloatArray, v: FloatArray, edges: FloatArray) -> FloatArray:
+def _integral(t: FloatArray, v: FloatArray, start: FloatArray, stop: FloatArray) -> FloatArray:
     s = np.concatenate((np.zeros((1, 3)), np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t)[:, None], axis=0)))
-    at = np.stack([np.interp(edges, t, s[:, i]) for i in range(3)], axis=1)
-    return np.diff(at, axis=0)
+    return np.stack([np.interp(stop, t, s[:, i]) - np.interp(start, t, s[:, i]) for i in range(3)], axis=1)
 
 
 def check_positions(gnss: GnssSeries) -> tuple[list[Finding], GnssView]:

@@ -27,7 +27,8 @@ _CAPPED = (
     - _CAP * math.sqrt(2.0 / math.pi) * math.exp(-0.5 * _CAP**2)
     + _CAP**2 * math.erfc(_CAP / math.sqrt(2.0))
 )
-_NEVER = 1e-300  # a gate that nothing passes: predicted and compared, not used
+#: A gate that nothing passes: predicted and compared, not used.
+NEVER = 1e-300
 
 
 @dataclass(frozen=True)
@@ -214,7 +215,7 @@ def residuals_of(tests: tuple[Trial, ...]) -> Callable[[PreparedRun], Residuals]
         def one(trial: Trial) -> tuple[Any, ...]:
             schedule = prepared.schedule.where(trial.use)
             open_ = np.where(fix[trial.use] & (schedule.gate > 0.0), np.inf, schedule.gate)
-            schedule = replace(schedule, gate=np.where(trial.held, _NEVER, open_))
+            schedule = replace(schedule, gate=np.where(trial.held, NEVER, open_))
             forward = replace(prepared, schedule=schedule, options=options).run()
             k = trial.judge
             size = np.array([DIMENSIONS[int(kind)] for kind in schedule.kind[k]], dtype=np.int64)

@@ -13,7 +13,7 @@ from schuler.navigation.aids.vehicle import UNAIDED_S, times_of_fixes, weaker_wi
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.gnss_faults import UNAIDED_UNTESTED, UNAIDED_WRONG
 from schuler.navigation.prepared import LONG_S, PreparedRun, longest_without_fixes
-from schuler.navigation.tuning.likelihood import Residuals, spacing_of
+from schuler.navigation.tuning.likelihood import NEVER, Residuals, spacing_of
 from schuler.navigation.tuning.tuning import first_part
 from schuler.sensors import catalogue
 
@@ -27,7 +27,6 @@ _WRONG = 4.0  # mean normalised square of errors: they are twice what is claimed
 _TAIL = 0.999  # of chi-square
 _FEWEST = 6  # stretches that say something
 _BEYOND = 8.0  # lengths of what was tested that no claim reaches whose drift nobody states
-_NEVER = 1e-300  # a gate that nothing passes: predicted and compared, not used
 
 
 @dataclass(frozen=True)
@@ -135,7 +134,7 @@ class Withheld:
         offered = schedule.where(np.where(np.isin(schedule.kind, GNSS_KINDS), schedule.t <= t, schedule.t <= end))
         offered = weaker_without_fixes(offered, factor, times_of_fixes(offered, run.initial.nav.t))
         judge = schedule.where(np.array([at]))
-        offered = merged(offered, replace(judge, gate=np.full(1, _NEVER)))
+        offered = merged(offered, replace(judge, gate=np.full(1, NEVER)))
         increments = run.increments.between(run.increments.start - 1e-9, end + 0.1)
         options = replace(run.options, record_s=1e9, output_rate_hz=0.01, smoother=False)
         forward = replace(run, increments=increments, schedule=offered, options=options).run()

@@ -50,7 +50,8 @@ def test_each_value_has_its_page_behind_it(capsys):
     assert re.search(r"^  turn-on bias +1 deg/s +page 10$", out, re.MULTILINE)
     assert re.search(r"^  misalignment +1 % +page 11$", out, re.MULTILINE)
     assert re.search(r"^  accel_alignment_deg +0.5 +page 9$", out, re.MULTILINE)
-    assert re.search(r"^  bias instability B +10 deg/h +page not seen$", run(capsys, "catalogue", "VN-100")[1], re.M)
+    assert re.search(r"^  bias instability B +10 deg/h +product page$", run(capsys, "catalogue", "VN-100")[1], re.M)
+    assert re.search(r"^  bias instability B +0.45 deg/h +page not seen$", run(capsys, "catalogue", "HG4930")[1], re.M)
     data = answer(capsys, "catalogue", "BMI088", "--json")["entries"]["BMI088"]
     assert (data["gyro"]["scale_factor"]["page"], data["accel"]["misalignment"]["page"]) == ("page 10", "page 9")
     assert data["printed_pages"]["gyro_nonlinearity_percent"] == "page 10"

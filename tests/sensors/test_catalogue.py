@@ -140,8 +140,10 @@ NUMBERS = {
         "misalignment": 0.01, "bias_temperature": 0.015 * DEG, "scale_temperature": 3e-4},
     ("BMI088", "accel"): {"random_walk": 190e-6 * G, "turn_on_bias": 0.02 * G, "scale_factor": 0.0,
         "misalignment": 0.005, "bias_temperature": 0.2e-3 * G, "range": 24 * G},
-    ("BMI160", "gyro"): {"random_walk": 0.007 * DEG, "turn_on_bias": 3 * DEG, "scale_factor": 0.03},
-    ("BMI160", "accel"): {"random_walk": 180e-6 * G, "turn_on_bias": 0.04 * G, "scale_factor": 0.04},
+    ("BMI160", "gyro"): {"random_walk": 0.007 * DEG, "turn_on_bias": 3 * DEG, "scale_factor": 0.03,
+        "bias_temperature": 0.08 * DEG},
+    ("BMI160", "accel"): {"random_walk": 180e-6 * G, "turn_on_bias": 0.04 * G, "scale_factor": 0.04,
+        "bias_temperature": 1e-3 * G, "scale_temperature": 3e-4},
     ("ICM-20948", "gyro"): {"random_walk": 0.015 * DEG, "turn_on_bias": 5 * DEG, "scale_factor": 0.015,
         "bias_temperature": 0.05 * DEG},
     ("ICM-20948", "accel"): {"random_walk": 230e-6 * G, "turn_on_bias": 0.05 * G, "scale_factor": 0.005,
@@ -153,12 +155,14 @@ NUMBERS = {
     ("LSM6DSO", "gyro"): {"random_walk": 0.0038 * DEG, "turn_on_bias": 1 * DEG, "scale_factor": 0.01,
         "bias_temperature": 0.01 * DEG},
     ("LSM6DSO", "accel"): {"random_walk": 70e-6 * G, "turn_on_bias": 0.02 * G},
-    ("ADIS16448", "gyro"): {"random_walk": 0.66 * DEG / 60.0, "turn_on_bias": 0.5 * DEG, "misalignment": 0.05 * DEG},
-    ("ADIS16448", "accel"): {"random_walk": 0.11 / 60.0, "turn_on_bias": 0.02 * G, "misalignment": 0.2 * DEG},
+    ("ADIS16448", "gyro"): {"random_walk": 0.66 * DEG / 60.0, "turn_on_bias": 0.5 * DEG, "misalignment": 0.05 * DEG,
+        "bias_instability": 14.5 * DEG / 3600.0, "range": 1000 * DEG},
+    ("ADIS16448", "accel"): {"random_walk": 0.11 / 60.0, "turn_on_bias": 0.02 * G, "misalignment": 0.2 * DEG,
+        "range": 18 * G},
     ("HG4930", "gyro"): {"random_walk": 0.06 * DEG / 60.0, "bias_instability": 0.45 * DEG / 3600.0},
     ("HG4930", "accel"): {"random_walk": 0.06 / 60.0, "bias_instability": 75e-6 * G},
-    ("phone", "gyro"): {"random_walk": 0.015 * DEG, "turn_on_bias": 5 * DEG},
-    ("phone", "accel"): {"random_walk": 230e-6 * G, "turn_on_bias": 0.05 * G},
+    ("phone", "gyro"): {"random_walk": 0.015 * DEG, "turn_on_bias": 5 * DEG, "bias_temperature": 0.08 * DEG},
+    ("phone", "accel"): {"random_walk": 230e-6 * G, "turn_on_bias": 0.05 * G, "bias_temperature": 1e-3 * G},
     ("STIM300", "gyro"): {"random_walk": 0.15 * DEG / 60, "bias_instability": 0.5 * DEG / 3600},
     ("STIM300", "accel"): {"random_walk": 0.06 / 60, "turn_on_bias": 0.75e-3 * G},
     ("MTi-3", "gyro"): {"random_walk": 0.007 * DEG, "bias_instability": 10 * DEG / 3600, "range": 2000 * DEG},
@@ -189,7 +193,7 @@ def test_every_sensor_with_numbers_is_checked():
     assert checked == {n for n in catalogue.names() if catalogue.entry(n).kind != "class"}
 
 
-#: Makers' sheets of which every value has its page, its table, or the words that the page was not seen.
+#: Makers' sheets of which every value has its page, table or section, or the words that the page was not seen.
 PAGED = [
     "MPU-6050", "MPU-9250", "BMI088", "BMI160", "ICM-20948", "ICM-42688", "LSM6DSO", "ADIS16448", "ADIS16470",
     "ADIS16505", "STIM300", "HG4930", "VN-100", "MTi-3", "ICM-20602", "ICM-42605", "BMI270", "phone",
@@ -202,9 +206,11 @@ def test_every_value_of_a_makers_sheet_has_its_page(name):
     stated = {f"{which}.{f}" for which in ("gyro", "accel") for f, v in catalogue.quantities(e, which).items() if v}
     assert set(e.pages) == stated | {f"printed.{key}" for key in e.printed}
     for value, place in e.pages.items():
-        assert re.fullmatch(r"pages? (\d+( (to|and) \d+)?( of revision \d+)?|not seen)|[Tt]able .+", place) or (
+        by_page = r"pages? (\d+( (to|and) \d+)?( of revision \d+)?|not seen)"
+        assert re.fullmatch(rf"{by_page}|[Tt]able .+|section \d+\.\d+|product page", place) or (
             name == "phone" and place.split(",")[0] in e.source
         ), value
+        assert place != "product page" or "product page" in e.source  # with its address or that of a copy
 
 
 def test_a_phone_is_the_largest_of_its_parts():

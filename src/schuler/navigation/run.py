@@ -104,7 +104,7 @@ def navigate(
     """
     config = NavigationConfig.checked(config)
     started = time.perf_counter()
-    prepare = partial(_prepared_later, recording, initial=initial, calibration=calibration, base=base)
+    prepare = partial(prepared_later, recording, initial=initial, calibration=calibration, base=base)
     asked = config
     config, prepared, tuned = supported_run(asked, prepare, aligned=initial is None)
     prepared = replace(prepared, headings=None)  # it holds the rates of the log: of increments 830 MB a day at 200 Hz
@@ -156,7 +156,7 @@ def _given_fixes(recording: Recording, prepared: PreparedRun) -> GnssSeries | No
     return gnss.where(~in_windows(gnss.t, prepared.windows))
 
 
-def _prepared_later(recording: Recording, config: NavigationConfig, fixes_later_s: float, **given: Any) -> PreparedRun:
+def prepared_later(recording: Recording, config: NavigationConfig, fixes_later_s: float, **given: Any) -> PreparedRun:
     """A run made ready with fixes so much later than their stamps. [s]"""
     if recording.gnss is not None and fixes_later_s != 0.0:
         recording = replace(recording, gnss=replace(recording.gnss, t=recording.gnss.t + fixes_later_s))

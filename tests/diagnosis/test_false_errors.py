@@ -336,6 +336,10 @@ def test_what_is_merely_likely_warns_and_says_what_it_would_do():
         ("height='msl', geoid_separation=47.0", "--height msl, --geoid-separation=47.0"),
         ("kind='increment', units='m/s,rad' (or their units)", "--kind increment, --units m/s,rad (or their units)"),
         ("columns='...,lon,lat,...' exchanged", "--columns ...,lon,lat,... exchanged"),
+        ("pass over them with skip=..., please", "pass over them with --skip=..., please"),
+        ("a clock of its own (hint time='gps-tow:WEEK')", "a clock of its own (--time gps-tow:WEEK)"),
+        ("axes RFU; hint axes says otherwise", "axes RFU; --axes says otherwise"),
+        ("a hint replaces it, hint nothing does not", "a hint replaces it, hint nothing does not"),
     ],
 )
 def test_options_are_spelled_for_the_command_line(fix, option):

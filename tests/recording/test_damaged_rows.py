@@ -106,7 +106,7 @@ def test_a_folder_with_damaged_rows_is_proposed_with_a_share_and_a_clean_one_wit
     assert "bad_lines" not in files.entries["gnss"]
     evidence = next(d.evidence for d in files.decisions if d.entry == "recording.imu.bad_lines")
     assert "7 rows were sorted" in evidence
-    assert "1 garbled lines of 400" in evidence
+    assert "1 garbled line of 400" in evidence
     assert not leave_out_garbled(files_of([tmp_path], {}), {"imu": {"bad_lines": 0.0}})
     gps.write_text(gps.read_text())
     written(tmp_path / "imu.csv", [*ROWS, *ROWS])  # two runs: nothing to be left out
@@ -168,7 +168,36 @@ def test_lines_with_zero_bytes_are_garbled_as_others_are(tmp_path, at, line):
         schuler.read(path)
     log = schuler.read(path, bad_lines=0.01)
     assert len(log.imu) == 999
-    assert "1 garbled lines of 1000 were left out." in log.metadata.notes
+    assert "1 garbled line of 1000 was left out." in log.metadata.notes
+
+
+@pytest.mark.parametrize("line", ["Serial port opened", "x", "ab\0c", "connected, 3 sensors"])
+def test_words_below_a_header_that_names_the_numbers_are_a_garbled_line(tmp_path, line):
+    path = written(tmp_path / "imu.csv", [line, *ROWS])
+    with pytest.raises(FileFormatError, match=r"bad_lines=0\.01") as error:
+        schuler.read(path)
+    assert error.value.line == 2
+    log = schuler.read(path, bad_lines=0.01)
+    assert len(log.imu) == N
+    assert "1 garbled line of 401 was left out." in log.metadata.notes
+    files = files_of([path], {})
+    assert leave_out_garbled(files, {})
+    assert files.entries["bad_lines"] == 0.01
+
+
+@pytest.mark.parametrize(
+    ("words", "rows"),
+    [
+        ("a,b,c,d,e,f,g", ROWS),  # as wide as the header: which of the two names the numbers?
+        ("Serial port opened", [row.rpartition(",")[0] for row in ROWS]),  # the numbers are not the header's
+        ("Serial port opened", []),
+    ],
+)
+def test_words_below_a_header_are_refused_where_numbers_do_not_fit_it(tmp_path, words, rows):
+    path = written(tmp_path / "imu.csv", [words, *rows])
+    with pytest.raises(FileFormatError, match="expected numbers below the header in line 1.*skip=") as error:
+        schuler.read(path)
+    assert error.value.line == 2
 
 
 @pytest.mark.parametrize("blob", [b"\0\1\2\3" * 99, np.arange(400.0).tobytes(), b"\0" * 99 + b"text without end" * 9])

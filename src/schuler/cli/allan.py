@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from schuler.characterisation.result import AXES, TERMS, AxisNoise, Estimate, Finding, NoiseIdentification
 from schuler.cli.output import Flag, Folder, Texts, drawable, named, print_json, progress, say, writable
 from schuler.cli.reading import Reading, of_part
+from schuler.diagnosis.result import as_options
 from schuler.exceptions import InputError, OverwriteError
 from schuler.recording.recording import Recording
 
@@ -98,7 +99,7 @@ def allan(
         from schuler.characterisation.report.text import summary
 
         for recording in recordings:
-            say(recording.summary())
+            say(as_options(recording.summary()))
         print(summary(noise))
         print("\n".join(f"{what}: {path}" for what, path in files.items() if not what.startswith("figure")))
     for failure in failures:

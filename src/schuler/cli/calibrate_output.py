@@ -13,6 +13,7 @@ import numpy as np
 from schuler import units as u
 from schuler.cli.calibrate_options import Output, Site
 from schuler.cli.output import drawable, named, print_json, say
+from schuler.diagnosis.result import as_options
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 
@@ -90,7 +91,7 @@ def finish(
         print_json({"command": "calibrate", **data, "elapsed_s": clock.perf_counter() - began, "files": files})
     else:
         for recording in recordings:
-            say(recording.summary())
+            say(as_options(recording.summary()))
         print(result.summary())
         if field is not None:
             print(field.course())

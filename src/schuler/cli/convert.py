@@ -10,6 +10,7 @@ import numpy as np
 from schuler import units
 from schuler.cli.output import Flag, print_json, say, writable
 from schuler.cli.reading import LogHints
+from schuler.diagnosis.result import as_options
 from schuler.gnss.signals import satellite_name
 from schuler.recording.recording import TIMED, Recording
 
@@ -43,7 +44,7 @@ def convert(log: Path, out: Path, /, *, to: str | None = None, json: Flag = Fals
             {**described(recording), "files": {"written": written}, "left_out": missing.split(", ") if missing else []}
         )
     else:
-        say(recording.summary())
+        say(as_options(recording.summary()))
         if missing:
             say(f"not in {out.name}, whose format does not hold them: {missing}")
         print("\n".join(str(path) for path in written))

@@ -10,6 +10,7 @@ from typing import Any
 from schuler.cli.convert import described
 from schuler.cli.output import Flag, print_json
 from schuler.cli.reading import LogHints
+from schuler.diagnosis.result import as_options
 from schuler.exceptions import InputError, SchulerError
 from schuler.files import check_log
 from schuler.recording.io.streams import Stream, table
@@ -61,7 +62,7 @@ def info(log: Path | None = None, /, *, formats: Flag = False, json: Flag = Fals
         if json:
             print_json(described(recording))
         else:
-            print(recording.summary())
+            print(as_options(recording.summary()))
         return
     content: dict[str, Any] = {}
     try:
@@ -72,7 +73,7 @@ def info(log: Path | None = None, /, *, formats: Flag = False, json: Flag = Fals
         refused: str | None = str(error)
         outcome = f"not read as a recording yet: {error}"
     else:
-        content, refused, outcome = described(recording), None, recording.summary()
+        content, refused, outcome = described(recording), None, as_options(recording.summary())
     if json:
         rows = [{**asdict(s), "rate_hz": s.rate_hz} for s in listed]
         print_json({**content, "streams": rows, "not_read": refused})

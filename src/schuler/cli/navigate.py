@@ -24,6 +24,7 @@ from schuler.cli.output import (
 from schuler.cli.proposal import proposed
 from schuler.cli.reading import Part, is_trial
 from schuler.cli.rerun import write_run
+from schuler.diagnosis.result import as_entries
 from schuler.exceptions import InputError
 from schuler.files import write_text
 from schuler.navigation.evaluation.evaluated import EvaluatedRun, evaluate_run
@@ -169,7 +170,7 @@ def navigate(
     else:
         say(recording.summary(notes=False))  # the result has them
         print_verdict(result.verdict)
-        print(result.summary())
+        print(as_entries(result.summary()))
         print(sentences(outcome.numbers))
         print("\n".join(f"{name}: {path}" for name, path in files.items() if not name.startswith("figure")))
     return 0 if result.complete and (accept or result.verdict.status != "failed") else 1

@@ -79,7 +79,8 @@ CODES = {
 }
 #: Likelihood from which on what makes results garbage is an error and stops; what is less likely warns.
 SURE = 0.98
-_ENTRY = re.compile(r"(?<![\w.])([a-z_]+)=('[^']*'|[-+]?\d[\d.]*(?:e[-+]?\d+)?)")
+_ENTRY = re.compile(r"(?<![\w.])(?:hint )?([a-z_]+)=('[^']*'|[-+]?\d[\d.]*(?:e[-+]?\d+)?|\.\.\.)")
+_HINT = re.compile(r"\bhint ([a-z_]+)\b(?!=)")  # named without a value
 _PLAIN = re.compile(r"[\w./=,:-]+")
 _PART = re.compile(r"(\w+)=\{([^{}]*)\}")  # an entry of a folder
 
@@ -333,13 +334,16 @@ def as_options(fix: str) -> str:
     def option(match: re.Match[str]) -> str:
         if match[1] not in ReadHints.__dataclass_fields__:
             return match[0]
-        name, value = match[1].replace("_", "-"), match[2]
+        name = match[1].replace("_", "-")
+        if match.re is _HINT:
+            return f"--{name}"
+        value = match[2]
         if value.startswith("'"):
             plain = value.strip("'")
             return f"--{name} {plain if _PLAIN.fullmatch(plain) else value}"
         return f"--{name}={value}"
 
-    spelt = _PART.sub(_as_table, _ENTRY.sub(option, fix))
+    spelt = _PART.sub(_as_table, _HINT.sub(option, _ENTRY.sub(option, fix)))
     return spelt.replace(SAY_WHICH, "give a file by itself, or say which in [recording] of a --config: ")
 
 

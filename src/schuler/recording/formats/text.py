@@ -149,7 +149,8 @@ def _load(opening: Opening, hints: ReadHints) -> Raw:
         values = np.array([[float(fields[k]) for k in indices] for fields in rows])
         line_of = numbers.__getitem__
         if n_bad:
-            notes.append(f"{n_bad} garbled lines of {n_bad + len(numbers)} were left out.")
+            what = "1 garbled line of {} was" if n_bad == 1 else f"{n_bad} garbled lines of {{}} were"
+            notes.append(f"{what.format(n_bad + len(numbers))} left out.")
     else:
         values, truncated = missing_values.load(opening, names, indices, allow_truncated=hints.allows("truncated"))
         rows = (fields for _, fields in itertools.islice(opening.table.rows(), len(values)))

@@ -55,6 +55,7 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
     first: int | None = None
     raw = ""  # the header's line as it stands
     header: tuple[int, str] | None = None  # the last line of words above the numbers: those before it are a banner
+    garbled: FileFormatError | None = None  # words below the header that are of another width
     sources: list[str] = []  # of each column, which a logger may name below the units
     with path.open(encoding=encoding, errors="replace", newline=None) as stream:
         for number, line in enumerate(itertools.islice(stream, skip, None), skip + 1):
@@ -81,6 +82,8 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
                 first = first or number  # a garbled line, as the one a log begins in the middle of; it is counted later
                 continue
             if numeric:
+                if garbled is not None and len(fields) != len(above):
+                    raise garbled
                 table = replace(table, first=first or number)
                 names = _header(table, header, fields) if header else _commented_header(table, comments, fields)
                 if names and len(sources) == len(names[1]):
@@ -96,13 +99,19 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
                 units, sources = units or whole, whole if units else sources
                 continue
             if header is not None and (number > _BANNER or above):
-                raise FileFormatError(
+                fault = FileFormatError(
                     f"expected numbers below the header in line {header[0]}, got {lines.shorten(text)}: pass over the "
                     f"lines before the first numbers with skip=..., and name the columns, {EXAMPLE}",
                     path,
                     number,
                 )
+                if number > _BANNER or len(whole) == len(above):
+                    raise fault
+                first, garbled = first or number, garbled or fault  # garbled if numbers as the header has them follow
+                continue
             header, raw = (number, text), line.strip()
+    if garbled is not None:
+        raise garbled
     if header is not None:
         raise FileFormatError(
             f"there is a header ({lines.shorten(header[1])}) but no row of numbers below it", path, header[0]

@@ -30,10 +30,11 @@ def town():
 def folder(town, tmp_path):
     """Write the town's IMU, and fixes of places alone, as tables; the IMU's x mirrored if asked."""
 
-    def written(mirror=False, on_its_back=False, rate_unit="[rad/s]"):
+    def written(mirror=False, on_its_back=False, gravity=False, rate_unit="[rad/s]"):
         imu, gnss = town.need_imu().rates(), town.need_gnss()
         sign = np.array([-1.0 if mirror else 1.0, *([-1.0, -1.0] if on_its_back else [1.0, 1.0])])
-        rows = np.column_stack((imu.t, imu.accel * sign, imu.gyro * sign))[::2]
+        accel = imu.accel * (-1.0 if gravity else 1.0)
+        rows = np.column_stack((imu.t, accel * sign, imu.gyro * sign))[::2]
         head = "time [s],ax [m/s^2],ay [m/s^2],az [m/s^2]," + ",".join(f"g{x} {rate_unit}".strip() for x in "xyz")
         np.savetxt(tmp_path / "imu.csv", rows, "%.7f", ",", header=head, comments="")
         sigma = np.sqrt(np.einsum("nii->ni", gnss.cov_r_n))
@@ -105,9 +106,21 @@ def test_what_lies_on_its_back_is_turned_over_once(folder, findings, axes):
 def test_only_what_lies_on_its_back_by_a_motion_and_is_not_stated_is_turned_over(folder):
     assert not upright_axes(folder(), diagnosis(checked=MOVED), {})
     files = folder(on_its_back=True)
-    assert not upright_axes(files, diagnosis(), {})  # gravity instead of specific force looks the same
     assert not upright_axes(files, diagnosis(checked=MOVED), {"imu": {"axes": "FRD"}})
     assert "axes" not in files.entry("imu")
+
+
+def test_withheld_fixes_tell_what_lies_on_its_back_from_a_log_of_gravity(folder):
+    """At rest the two look alike, and where no course is sure the diagnosis tells neither."""
+    files = folder(gravity=True)
+    assert not upright_axes(files, diagnosis(), {})
+    assert "axes" not in files.entry("imu")
+    files = folder(on_its_back=True)
+    files.put("imu", {"scale": "accel=1.001"})  # stated: no other sign is tried
+    assert not upright_axes(files, diagnosis(), {})
+    files = folder(on_its_back=True)
+    assert upright_axes(files, diagnosis(), {})
+    assert files.entry("imu")["axes"] == "FLU"
 
 
 @pytest.mark.realdata

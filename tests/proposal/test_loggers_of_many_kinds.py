@@ -8,9 +8,11 @@ import pytest
 
 from schuler.diagnosis import diagnose
 from schuler.exceptions import FileFormatError
+from schuler.proposal import UndecidedError, propose
 from schuler.proposal.files import files_of
 from schuler.recording.io import columns, dates, read, text_head
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.over_ground import CIRCLE_68
 from schuler.units import DEG, parse_unit
 
 N = 1200
@@ -45,6 +47,33 @@ def test_a_table_without_names_is_an_imu_beside_attitude_and_fixes_are_told_by_t
     recording = read(files.log, **files.entries)
     np.testing.assert_array_equal(recording.need_imu().accel, ACCEL)
     np.testing.assert_allclose(recording.need_gnss().llh[:, 0], place[0] * DEG, atol=1e-15)  # rounding
+
+
+@pytest.mark.parametrize("varies", [False, True])
+def test_a_phones_places_without_names_have_their_accuracies_beside_the_height(tmp_path, varies):
+    """Time, latitude, longitude, accuracy, altitude, its accuracy; stamps once a second count, but no rows."""
+    stamps = [f"{t:.6f}" for t in T]
+    written(tmp_path / "accelerometer.csv", joined(stamps, *ACCEL.T))
+    written(tmp_path / "gyro.csv", joined(stamps, *GYRO.T))
+    k = np.arange(24)
+    radius = np.where(k % 7 == 3, 8.0, 5.0) if varies else np.full(24, 5.0)
+    height = np.round(61.0 + np.sin(k), 3)
+    place = 60.1 + 1e-5 * k + 1e-6 * np.sin(k), 24.8 - 2e-5 * k
+    written(tmp_path / "locations.csv", joined(k + 0.5, *place, radius, height, np.full(24, 4.0)))
+    files = files_of([tmp_path], {})
+    assert files.entries["gnss"]["columns"] == "t,lat,lon,radius,h,sd"
+    gnss = read(files.log, **files.entries).need_gnss()
+    np.testing.assert_array_equal(gnss.llh[:, 2], height)
+    np.testing.assert_allclose(np.sqrt(gnss.cov_r_n[:, 0, 0]), radius / CIRCLE_68, rtol=1e-12)  # rounding
+
+
+def test_a_folder_whose_fixes_are_not_recognised_says_which_files_were_not(tmp_path):
+    written(
+        tmp_path / "imu.csv", ["t_s,ax_m_s2,ay_m_s2,az_m_s2,gx_rad_s,gy_rad_s,gz_rad_s", *joined(T, *ACCEL.T, *GYRO.T)]
+    )
+    written(tmp_path / "places.csv", joined(range(24), *RNG.normal(0.0, 1.0, (3, 24))))
+    with pytest.raises(UndecidedError, match=r"places\.csv was not: .*recording\.gnss\.columns"):
+        propose(tmp_path)
 
 
 def test_a_time_zone_between_two_clocks_is_taken_out_as_whole_hours(tmp_path):

@@ -195,7 +195,7 @@ def test_words_below_a_header_that_names_the_numbers_are_a_garbled_line(tmp_path
 )
 def test_words_below_a_header_are_refused_where_numbers_do_not_fit_it(tmp_path, words, rows):
     path = written(tmp_path / "imu.csv", [words, *rows])
-    with pytest.raises(FileFormatError, match="expected numbers below the header in line 1.*skip=") as error:
+    with pytest.raises(FileFormatError, match=r"expected numbers below the header in line 1.*skip=") as error:
         schuler.read(path)
     assert error.value.line == 2
 

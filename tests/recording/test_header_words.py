@@ -61,6 +61,11 @@ def named(header, delimiter=","):
         ("EPOCH_NS,ACC_X_MPS2,ACC_Y_MPS2,ACC_Z_MPS2,GYR_X_RADPS,GYR_Y_RADPS,GYR_Z_RADPS", ",", range(7), f"t {TRIADS}"),
         ("SampleTimeFine,FreeAcc_X,FreeAcc_Y,FreeAcc_Z,Acc_X,Acc_Y,Acc_Z,Gyr_X,Gyr_Y,Gyr_Z", ",",
          [0, 4, 5, 6, 7, 8, 9], f"t {TRIADS}"),
+        ("time,I[0].pqr[0],I[0].pqr[1],I[0].pqr[2],I[0].acc[0],I[0].acc[1],I[0].acc[2],status", ",", range(7),
+         "t gx gy gz ax ay az"),
+        ("time,week,status,lla[0],lla[1],lla[2],hMSL,hAcc,vAcc", ",", [0, 3, 4, 5, 7, 8], "t lat lon h radius sd"),
+        ("Timpstemp,imgid,lat,lon,alt,s_variance_m_s,vel_n_m_s,vel_e_m_s,vel_d_m_s,", ",", [0, 2, 3, 4, 6, 7, 8],
+         "t lat lon h vn ve vd"),
     ],
 )  # fmt: skip
 def test_words_tell_the_columns_of_a_header(header, delimiter, at, names):

@@ -368,7 +368,11 @@ def as_entries(fix: str, part: str = "") -> str:
         is_hint = match[1] in ReadHints.__dataclass_fields__
         return f"{match[1]} = {match[2].replace(chr(39), chr(34))}" if is_hint else match[0]
 
-    spelt = _PART.sub(_as_table, _ENTRY.sub(entry, fix))
+    def named(match: re.Match[str]) -> str:
+        is_hint = match[1] in ReadHints.__dataclass_fields__
+        return f"{match[1]} in [recording{part and '.'}{part}]" if is_hint else match[0]
+
+    spelt = _HINT.sub(named, _PART.sub(_as_table, _ENTRY.sub(entry, fix)))
     return f"{spelt.removesuffix(' for the IMU')} in [recording.{part}]" if spelt != fix and part else spelt
 
 

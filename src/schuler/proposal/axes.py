@@ -104,7 +104,7 @@ def upright_axes(files: Files, diagnosis: Diagnosis, given: Mapping[str, Any]) -
     """
     entry = files.entry("imu")
     stated = given.get("imu", {}) if files.by_part else given
-    if entry is None or "axes" in entry or "axes" in stated or "sign of gravity" not in diagnosis.checked:
+    if entry is None or "axes" in entry or "axes" in stated:
         return False
     try:
         imu = read_files(files).need_imu()
@@ -115,11 +115,22 @@ def upright_axes(files: Files, diagnosis: Diagnosis, given: Mapping[str, Any]) -
     words = dict.fromkeys(files.names_of("imu", "axes"), axes)
     if not points_up(imu) or not takes(files, words):
         return False
+    if "sign of gravity" not in diagnosis.checked and not _is_specific_force(files, words):
+        return False
     files.put("imu", {"axes": axes})
     files.decisions = [d for d in files.decisions if d.entry not in words]
     why = "z points up by gravity; which axis points forward the motion does not tell surely, nor do positions need it"
     files.decisions += [Decision(at, axes, why) for at in words]
     return True
+
+
+def _is_specific_force(files: Files, upright: Mapping[str, Any]) -> bool:
+    """Whether withheld fixes tell axes whose third one points up from a log that holds gravity for specific force."""
+    turned = dict.fromkeys(files.names_of("imu", "scale"), "accel=-1")
+    if "scale" in (files.entry("imu") or {}) or not takes(files, turned):
+        return False
+    told = borne_out(files, {"specific force": upright, "gravity": turned})
+    return told is not None and told[0] == "specific force"
 
 
 def points_up(imu: ImuSeries) -> bool:

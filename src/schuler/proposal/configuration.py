@@ -399,8 +399,12 @@ def _without_fixes(files: Files, recording: Recording) -> UndecidedError:
         with contextlib.suppress(SchulerError):
             recording = dispatch.read(files.log, **(files.entries | place))
     if recording.reference is None or files.by_part:
+        ignored = ", ".join(dict.fromkeys(files.ignored))
+        which = "--set recording.gnss.file=NAME --set recording.gnss.columns='\"t,lat,lon,h\"' (- skips one)"
         return UndecidedError(
-            f"{nothing}: give the file with fixes beside the IMU's, or say in a --config how it starts "
+            f"{nothing}{f' in what was recognised; {ignored} was not' if ignored else ''}: "
+            f"{f'say which of these holds fixes and its columns, {which}, ' if ignored else ''}"
+            "give the file with fixes beside the IMU's, or say in a --config how it starts "
             "(alignment.method = 'given') and where (a file with the reference)"
         )
     placed = {f"{label}.{name}": value for name, value in place.items()}

@@ -136,7 +136,12 @@ def fix_columns(path: Path) -> tuple[str, str] | None:
         or text_head.open_text(path, ReadHints()).header
     ):
         return None
-    places = [k for k in range(values.shape[1] - 2) if _is_path(values[:, k : k + 3])]
+    places = [
+        k
+        for k in range(values.shape[1] - 2)
+        if _is_path(values[:, k : k + 3])
+        or (_has_accuracies(values[:, k + 2 :]) and _is_path(values[:, [k, k + 1, k + 3]]))
+    ]
     of_place = [k + axis for k in places for axis in range(3)]  # which may increase as steadily as a clock
     clock = [k for k in range(values.shape[1]) if k not in of_place and is_clock(values[:, k])]
     if not clock and (week := gps_week(path)) is not None:  # once a second it counts like a counter of rows
@@ -145,8 +150,11 @@ def fix_columns(path: Path) -> tuple[str, str] | None:
         return None
     names = ["-"] * values.shape[1]
     names[clock[0]] = "t"
-    names[places[0] : places[0] + 3] = ["lat", "lon", "h"]
     k = places[0] + 1
+    if _has_accuracies(values[:, k + 1 :]):
+        names[k - 1 : k + 4] = ["lat", "lon", "radius", "h", "sd"]
+        return ",".join(names), f"columns {k}, {k + 1}, {k + 3} go on as a path does, the others are its accuracies"
+    names[k - 1 : k + 2] = ["lat", "lon", "h"]
     return ",".join(names), f"columns {k} to {k + 2} go on as latitude, longitude and height of a path do"
 
 
@@ -172,6 +180,14 @@ def gps_week(path: Path) -> tuple[int, int] | None:
         if weeks and seconds:
             return k + 1, int(week[0])
     return None
+
+
+def _has_accuracies(x: FloatArray) -> bool:
+    """Whether three last columns are an accuracy, a height and its accuracy, as phones list them. Shape (n, k)."""
+    if x.shape[1] != 3 or (x[:, [0, 2]] <= 0.0).any():
+        return False
+    kinds = [len(np.unique(column)) for column in x.T]
+    return kinds[1] > 2 * max(kinds[0], kinds[2])
 
 
 def _is_path(x: FloatArray) -> bool:
@@ -406,7 +422,8 @@ def is_clock(x: FloatArray) -> bool:
     if usual <= 0.0 or np.mean(step > 0.0) < 0.98:
         return False
     near = np.abs(step - usual) < 0.8 * usual
-    return bool(near.mean() > 0.9 and not (usual == 1.0 and (step == 1.0).mean() > _COUNTED))
+    counts = usual == 1.0 and (step == 1.0).mean() > _COUNTED and (x == np.round(x)).all()
+    return bool(near.mean() > 0.9 and not counts)
 
 
 def _attitude(values: FloatArray) -> set[int]:

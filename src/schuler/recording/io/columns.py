@@ -104,8 +104,9 @@ def _spellings() -> dict[str, str]:
 
 
 #: Names of a time where no other column is one.
-_LATE_CLOCKS = ("unix_time", "unixtime", "unix", "datetime", "date_time", "epoch", "epoc", "x_value")
+_LATE_CLOCKS = ("unix_time", "unixtime", "unix", "datetime", "date_time", "epoch", "epoc", "x_value", "timpstemp")
 _SPELLINGS = _spellings()
+_ACCURACIES = {"hacc": "radius", "vacc": "sd", "sacc": "sspeed"}
 #: What stands before a name in tables of several sensors.
 _PREFIXES = ("imu_", "gps_", "gnss_", "field_")
 #: Names of a time that say its unit.
@@ -209,6 +210,27 @@ def recognise_all(headers: Sequence[str]) -> list[tuple[str, str | None] | None]
             received = [k for k in twice if header_words.is_foreign(header_words.words_of(texts[k]))]
             if len(received) == 1:
                 read = [None if k in twice and k not in received else column for k, column in enumerate(read)]
+        read = _with_accuracies(read, headers)
+    return read
+
+
+def _with_accuracies(
+    read: list[tuple[str, str | None] | None], headers: Sequence[str]
+) -> list[tuple[str, str | None] | None]:
+    """Columns of fixes with the accuracies that receivers call hAcc, vAcc, sAcc; elsewhere these are accelerations."""
+    read = list(read)
+    for k, header in enumerate(headers):
+        text, unit = _text_and_unit(header)
+        word = _plain(text).removesuffix("_m").removesuffix("_m_s").replace("_", "")
+        name = _ACCURACIES.get(word.removeprefix("gps").removeprefix("gnss"))
+        if name is None or read[k] is not None or any(column is not None and column[0] == name for column in read):
+            continue
+        try:
+            if unit is not None:
+                units.factor_for(unit, GROUP_QUANTITY[GROUP[name]])
+        except SchulerError:
+            continue
+        read[k] = (name, unit)
     return read
 
 

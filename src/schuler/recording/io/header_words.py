@@ -15,7 +15,7 @@ _HUMP = re.compile(r"([a-z0-9]{2})([A-Z])|([A-Z])([A-Z][a-z])")
 #: Quantities by the words that name them; the first word is that of a sensor, which counts more than a general one.
 _SENSORS = {
     "a": ("acc", "accel", "accelerometer", "acceleration", "gforce", "gf", "beschl", "beschleunigung", "aceleracion"),
-    "g": ("gyr", "gyro", "gyroscope", "drehrate", "winkelgeschwindigkeit"),
+    "g": ("gyr", "gyro", "gyroscope", "pqr", "drehrate", "winkelgeschwindigkeit"),
     "m": ("mag", "magn", "magnetometer"),
 }
 _GENERAL = {
@@ -50,6 +50,10 @@ _NO_HEIGHT = frozenset((
     "alternate", "alternator", "satellite", "sat", "sun", "mask", "azimuth", "acc", "type",
     "mode", "count", "min", "max", "diff",
 ))  # fmt: skip
+#: Places in one array, ``GPS_coord[1]``, ``lla[2]``.
+_COORDINATES = {"coord 0": "lat", "coord 1": "lon"} | {
+    f"{word} {k}": name for word in ("lla", "llh") for k, name in enumerate(("lat", "lon", "h"))
+}
 _VELOCITY = {"n": "vn", "e": "ve", "d": "vd", "north": "vn", "east": "ve", "down": "vd"}
 _TIME = ("time", "timestamp", "cts", "clock", "millis", "micros")
 #: Words of a sensor or a receiver, which do not tell one from another of their kind.
@@ -199,10 +203,10 @@ def _fix(words: Sequence[list[str]]) -> dict[int, str]:
     for k, field in enumerate(words):
         if _OTHERS & set(field):
             continue
-        coordinate = {"coord 0": "lat", "coord 1": "lon"}.get(" ".join(field[-2:]))
+        coordinate = _COORDINATES.get(" ".join(field[-2:]))
         for name, spelled in _PLACES.items():
             if (coordinate == name) or set(spelled) & set(field):
-                rest = frozenset(field) - set(spelled) - _FILLERS
+                rest = frozenset(field) - set(spelled) - _FILLERS - {"lla", "llh"}
                 families[rest].setdefault(name, k)
                 break
         else:

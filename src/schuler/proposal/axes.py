@@ -129,8 +129,8 @@ def _is_specific_force(files: Files, upright: Mapping[str, Any]) -> bool:
     turned = dict.fromkeys(files.names_of("imu", "scale"), "accel=-1")
     if "scale" in (files.entry("imu") or {}) or not takes(files, turned):
         return False
-    told = borne_out(files, {"specific force": upright, "gravity": turned})
-    return told is not None and told[0] == "specific force"
+    likely = borne_out(files, {"specific force": upright, "gravity": turned})
+    return likely is not None and likely[0] == "specific force"
 
 
 def points_up(imu: ImuSeries) -> bool:

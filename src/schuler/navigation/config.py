@@ -25,6 +25,7 @@ from schuler.navigation.sections import (
     Triple,
     change_entry,
 )
+from schuler.sensors import catalogue
 from schuler.sensors.spec_file import anchored
 
 
@@ -160,7 +161,7 @@ class FilterSection(Section):
     tune: bool | Literal["auto"] = Field(
         "auto",
         description="tune noise from the log's own fixes: true, false, auto where innovations contradict what is not "
-        "stated by hand",
+        "stated by hand, or the IMU is named by its grade",
     )
     covariance_rate_hz: Positive | None = Field(10.0, description="left out: default; see docs")
     full_rate: bool = Field(False, description="propagate the covariance at every IMU sample")
@@ -244,6 +245,12 @@ class NavigationConfig(Config):
             or self.filter.noise != NoiseSection()
             or self.gnss.model_fields_set & {"sigma_scale", "position_sigma_scale", "velocity_sigma_scale"}
         )
+
+    @property
+    def is_named_by_grade(self) -> bool:
+        """Whether the IMU is named by its grade: its noise is typical, and no unit's."""
+        named = self.imu.catalogue
+        return named is not None and catalogue.entry(named).kind == "grade"
 
     def untuned(self) -> NavigationConfig:
         """The configuration without tuning: noise as it stands here, for campaigns and comparisons."""

@@ -19,7 +19,7 @@ from schuler.navigation.evaluation.consistency import state_errors
 from schuler.navigation.inputs.imu_noise import NO_NOISE, NOISIER
 from schuler.navigation.run import navigate, prepared_run
 from schuler.navigation.start.heading import HEADING_CONTRADICTED
-from schuler.navigation.tuning.automatic import STATED_NOISE
+from schuler.navigation.tuning.automatic import STATED_NOISE, noise_is_open
 from schuler.navigation.tuning.entries import tuned_configuration, tuned_entries
 from schuler.navigation.tuning.lever import LEVER_ESTIMATED
 from schuler.navigation.tuning.likelihood import HORIZONS, Residuals, halves, residuals_of, trials
@@ -114,6 +114,27 @@ def test_a_consistent_run_stays_exactly_as_it_is(recording):
     assert own.notes == plain.notes
     prepared = prepared_run(recording, config())
     assert not contradicted(prepared)
+
+
+def test_noise_of_a_grade_is_no_word_on_this_unit_and_is_tuned_where_there_are_fixes_enough(recording):
+    def is_open(log=recording, **sections):
+        config = NavigationConfig.checked({"imu": {"catalogue": "consumer"}, **sections})
+        prepared = prepared_run(log, config)
+        assert not contradicted(prepared)
+        return noise_is_open(config, prepared)
+
+    assert is_open()
+    assert not is_open(recording.between(recording.start, recording.start + 30.0))  # too few fixes
+    assert not is_open(gnss={"sigma_scale": 1.0})  # said by hand
+    assert not noise_is_open(config(), prepared_run(recording, config()))  # a sheet
+
+
+@pytest.mark.campaign
+def test_an_unstated_lever_arm_is_found_beside_the_noise_of_a_grade():
+    log = recorded(6, {"catalogue": "consumer"}, BLOCKS, lever_arm_m=[1.0, 0.3, -1.0])
+    config = NavigationConfig.checked({"imu": {"catalogue": "consumer"}})
+    assert not contradicted(prepared_run(log, config))
+    assert LEVER_ESTIMATED in navigate(log, config).notes
 
 
 def test_noise_that_is_wrong_in_one_stretch_contradicts(recording):

@@ -100,7 +100,7 @@ def tuned_run(config: NavigationConfig, prepare: Prepare, *, aligned: bool) -> S
         before = with_turn(plain.run, other[0])
         prepare = partial(_prepared_at, prepare, other[0], before)
         plain = Supported(config, before, [turn_note(*other)])
-    doubted = config.filter.tune is True or contradicted(plain.run)
+    doubted = noise_is_open(config, plain.run)
     if stated and not doubted:
         return plain
     if aligned and (late := _with_delay(plain, prepare, doubted, own_start)) is not None:
@@ -111,6 +111,14 @@ def tuned_run(config: NavigationConfig, prepare: Prepare, *, aligned: bool) -> S
     if own_start and (doubted or too_few(tuned.run)):
         tuned = _from_supported_start(tuned)
     return _with_rough_noise(plain, tuned, prepare, own_start) if tuned.config is config else tuned
+
+
+def noise_is_open(config: NavigationConfig, run: PreparedRun) -> bool:
+    """Whether a run's noise is asked for, that of a grade, which nobody claims of this unit, or contradicted."""
+    if config.filter.tune is True:
+        return True
+    of_grade = config.is_named_by_grade and not config.noise_is_stated and run.ranges is None
+    return (of_grade and not too_few(run)) or contradicted(run)
 
 
 def _prepared_at(
@@ -133,7 +141,7 @@ def _with_delay(plain: Supported, prepare: Prepare, doubted: bool, own_start: bo
     if likeliest is None:
         return None
     chosen = likeliest
-    if config.filter.tune is True or contradicted(likeliest.run):
+    if noise_is_open(config, likeliest.run):
         if config.filter.tune == "auto" and config.noise_is_stated:
             return None
         chosen = _tuned(likeliest, prepare, aligned=True)

@@ -15,7 +15,6 @@ from schuler.navigation.inputs.gnss_faults import UNAIDED_UNTESTED, UNAIDED_WRON
 from schuler.navigation.prepared import LONG_S, PreparedRun, longest_without_fixes
 from schuler.navigation.tuning.likelihood import NEVER, Residuals, spacing_of
 from schuler.navigation.tuning.tuning import first_part
-from schuler.sensors import catalogue
 
 # Chosen on oan_phone_drive, rtkexp_drive, morpinet_car 2 and 4, MH_04 and V2_01, as docs/robustness.md has them.
 _PARTS = 4.0  # of the time with fixes: a stretch made is at most one of them, so that three or so do not overlap
@@ -204,10 +203,10 @@ def as_sure_as_withheld(config: NavigationConfig, run: PreparedRun) -> tuple[Nav
 
 def _beyond(config: NavigationConfig, longest: float, tested: float) -> list[str]:
     """A sentence where a stretch is far longer than any tested, and nobody states what the IMU drifts over it."""
-    named = config.imu.catalogue
-    if longest <= _BEYOND * tested or named is None or catalogue.entry(named).kind != "grade":
+    if longest <= _BEYOND * tested or not config.is_named_by_grade:
         return []
     return [
         f"{UNAIDED_UNTESTED}: up to {longest:.0f} s are without a fix, and no more than {tested:.0f} s could be tested "
-        f"where there are fixes; what an IMU of unknown make ({named}) drifts over that time is not known"
+        f"where there are fixes; what an IMU of unknown make ({config.imu.catalogue}) drifts over that time is not "
+        "known"
     ]

@@ -67,6 +67,29 @@ def test_a_phones_places_without_names_have_their_accuracies_beside_the_height(t
     np.testing.assert_allclose(np.sqrt(gnss.cov_r_n[:, 0, 0]), radius / CIRCLE_68, rtol=1e-12)  # rounding
 
 
+def test_letters_behind_names_that_are_not_known_tell_the_axes(tmp_path):
+    """Axes from z to x, rates by a name that no table has."""
+    head = "GPSTime,tourne_z,tourne_y,tourne_x,accelz,accely,accelx"
+    written(tmp_path / "imu.csv", [head, *joined(np.round(1.6e9 + T, 3), *GYRO.T[::-1], *ACCEL.T[::-1])])
+    assert files_of([tmp_path / "imu.csv"], {}).entries["columns"] == "t,gz,gy,gx,az,ay,ax"
+    head = head.replace("tourne", "angvel")
+    written(tmp_path / "imu.csv", [head, *joined(np.round(1.6e9 + T, 3), *GYRO.T[::-1], *ACCEL.T[::-1])])
+    imu = read(tmp_path / "imu.csv", **files_of([tmp_path / "imu.csv"], {}).entries).need_imu()
+    np.testing.assert_array_equal(imu.gyro, GYRO)
+
+
+def test_stamps_without_names_count_as_those_of_the_accelerometers_file(tmp_path):
+    stamps = [10_000_000_000_000 + round(1e9 * t) for t in T]
+    written(tmp_path / "acce.txt", joined(stamps, *ACCEL.T))
+    written(tmp_path / "gyro.txt", joined(stamps, *GYRO.T))
+    k = np.arange(24)
+    place = 48.7 + 1e-5 * k + 1e-6 * np.sin(k), 9.1 - 2e-5 * k, np.round(300.0 + np.sin(k), 3)
+    written(tmp_path / "gps.txt", joined([10_000_500_000_000 + 10**9 * i for i in k], *place, *[[1.5] * 24] * 2))
+    files = files_of([tmp_path], {})
+    assert files.entries["gnss"]["units"] == "t=ns"
+    assert read(files.log, **files.entries).need_gnss().t[0] == pytest.approx(10_000.5, abs=1e-9)  # rounding
+
+
 def test_a_folder_whose_fixes_are_not_recognised_says_which_files_were_not(tmp_path):
     written(
         tmp_path / "imu.csv", ["t_s,ax_m_s2,ay_m_s2,az_m_s2,gx_rad_s,gy_rad_s,gz_rad_s", *joined(T, *ACCEL.T, *GYRO.T)]

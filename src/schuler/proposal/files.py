@@ -291,12 +291,12 @@ def _share_counter(files: Files) -> None:
     """Take stamps of fixes and speeds for counts of the IMU's clock where they run through the same numbers."""
     unit = unit_of(files.entry("imu"), "t")
     half: dict[str, Any] = next((files.entries[name] for name in ("imu", *HALVES) if name in files.entries), {})
-    span = span_of(packed.resolved(files.log / str(half.get("file", ""))))
+    span = span_of(packed.resolved(files.log / str(half.get("file", ""))), half.get("columns"))
     for part in ("gnss", "odometer"):
         entry = files.entries.get(part)
         if unit is None or span is None or entry is None or "time" in entry or unit_of(entry, "t") is not None:
             continue
-        other = span_of(packed.resolved(files.log / str(entry["file"])))
+        other = span_of(packed.resolved(files.log / str(entry["file"])), entry.get("columns"))
         if other is not None and other[0] < span[1] and span[0] < other[1]:
             entry["units"] = ",".join(filter(None, (str(entry.get("units", "")), f"t={unit}")))
             why = (

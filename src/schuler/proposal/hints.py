@@ -278,11 +278,18 @@ def unit_of(entry: Mapping[str, Any] | None, group: str) -> str | None:
     return next((pair.partition("=")[2] for pair in pairs if pair.startswith(f"{group}=")), None)
 
 
-def span_of(path: Path) -> tuple[float, float] | None:
-    """First and last stamp of a table's first rows, as written and where no unit is stated; None if it has none."""
+def span_of(path: Path, given: str | None = None) -> tuple[float, float] | None:
+    """First and last stamp of a table's first rows, as written and where no unit is stated; None if it has none.
+
+    Parameters
+    ----------
+    path : Path
+    given : str, optional
+        Hint ``columns``.
+    """
     if not path.is_file() or not is_plain(path):
         return None
-    names, stated = _layout(path, None)
+    names, stated = _layout(path, given)
     t = tables.column(path, names.index("t")) if "t" in names and "t" not in stated else None
     return None if t is None or not len(t) else (float(t[0]), float(t[-1]))
 

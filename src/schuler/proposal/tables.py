@@ -88,7 +88,7 @@ def imu_columns(path: Path) -> tuple[str, str] | None:
     if clock:
         names[clock[0]] = "t"
     for stem, trio in (("a", accel), ("g", gyro)):
-        for axis, k in zip("xyz", trio, strict=True):
+        for axis, k in zip(_letters(path, trio), trio, strict=True):
             names[k] = f"{stem}{axis}"
     evidence = (
         f"the norm of columns {accel[0] + 1} to {accel[2] + 1} stays near gravity's (spread "
@@ -98,12 +98,22 @@ def imu_columns(path: Path) -> tuple[str, str] | None:
     return ",".join(names), evidence
 
 
+def _fields(path: Path) -> list[str]:
+    """Fields of a table's header; none of an array, or of a table without one."""
+    opening = None if arrays.array(path) is not None else text_head.open_text(path, ReadHints())
+    return [] if opening is None or opening.header is None else opening.header[1]
+
+
+def _letters(path: Path, trio: Sequence[int]) -> str:
+    """Axes of three columns: the letters that names of a header end in, which may be z, y, x, or x, y, z."""
+    fields = _fields(path)
+    ends = "".join(fields[k].strip(" \"'")[-1:].lower() for k in trio if k < len(fields))
+    return ends if sorted(ends) == ["x", "y", "z"] else "xyz"
+
+
 def _of_others(path: Path) -> set[int]:
     """Columns whose header states a unit of lengths, say, that no reading of an IMU has."""
-    if arrays.array(path) is not None:
-        return set()
-    opening = text_head.open_text(path, ReadHints())
-    fields = [] if opening.header is None else opening.header[1]
+    fields = _fields(path)
     return {k for k, unit in enumerate(map(columns.unit_in, fields)) if unit is not None and not _of_imu(unit)}
 
 

@@ -227,7 +227,7 @@ def _with_accuracies(
             continue
         try:
             if unit is not None:
-                units.factor_for(unit, GROUP_QUANTITY[GROUP[name]])
+                units.factor_for(unit, GROUP_QUANTITY[str(GROUP[name])])
         except SchulerError:
             continue
         read[k] = (name, unit)

@@ -15,7 +15,7 @@ _HUMP = re.compile(r"([a-z0-9]{2})([A-Z])|([A-Z])([A-Z][a-z])")
 #: Quantities by the words that name them; the first word is that of a sensor, which counts more than a general one.
 _SENSORS = {
     "a": ("acc", "accel", "accelerometer", "acceleration", "gforce", "gf", "beschl", "beschleunigung", "aceleracion"),
-    "g": ("gyr", "gyro", "gyroscope", "pqr", "drehrate", "winkelgeschwindigkeit"),
+    "g": ("gyr", "gyro", "gyroscope", "angvel", "pqr", "drehrate", "winkelgeschwindigkeit"),
     "m": ("mag", "magn", "magnetometer"),
 }
 _GENERAL = {

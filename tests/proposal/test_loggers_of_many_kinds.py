@@ -8,7 +8,7 @@ import pytest
 
 from schuler.diagnosis import diagnose
 from schuler.exceptions import FileFormatError
-from schuler.proposal import UndecidedError, propose
+from schuler.proposal import UndecidedError, propose, propose_reading
 from schuler.proposal.files import files_of
 from schuler.recording.io import columns, dates, read, text_head
 from schuler.recording.io.hints import ReadHints
@@ -76,6 +76,18 @@ def test_letters_behind_names_that_are_not_known_tell_the_axes(tmp_path):
     written(tmp_path / "imu.csv", [head, *joined(np.round(1.6e9 + T, 3), *GYRO.T[::-1], *ACCEL.T[::-1])])
     imu = read(tmp_path / "imu.csv", **files_of([tmp_path / "imu.csv"], {}).entries).need_imu()
     np.testing.assert_array_equal(imu.gyro, GYRO)
+
+
+@pytest.mark.parametrize("at_rest", [True, False])
+def test_rates_beside_counts_of_specific_force_are_counts_too(tmp_path, at_rest):
+    """An Arduino's raw MPU-6050: at rest a handful of counts, which as deg/s would be 131 times too large."""
+    rates = np.round((1e-4 if at_rest else 1.0) * GYRO / DEG * 131.0 + RNG.normal(0.0, 3.0, (N, 3))).astype(int)
+    counts = np.round((ACCEL if not at_rest else RNG.normal([0.1, -0.2, 9.8], 0.01, (N, 3))) / 9.80665 * 16384.0)
+    head = "millis,AcX,AcY,AcZ,GyX,GyY,GyZ"
+    written(tmp_path / "imu.csv", [head, *joined(np.round(1e3 * T).astype(int), *counts.astype(int).T, *rates.T)])
+    with pytest.raises(UndecidedError, match="unit of angular rate") as question:
+        propose_reading(tmp_path / "imu.csv", {}, {})
+    assert "counts, 131 in a deg/s" in dict(question.value.choices)
 
 
 def test_stamps_without_names_count_as_those_of_the_accelerometers_file(tmp_path):

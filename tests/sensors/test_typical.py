@@ -1,10 +1,11 @@
-"""Turn-on biases that data sheets leave out: typical of the class, never zero, and stated ones stay."""
+"""Biases and scales that data sheets leave out: typical of the class, never zero, and stated ones stay."""
 
 from __future__ import annotations
 
 import pytest
 
 from schuler import units
+from schuler.exceptions import InputError
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.states import imu_spec, state_layout
 from schuler.sensors import catalogue
@@ -85,3 +86,34 @@ def test_a_bias_is_not_typical_below_its_own_wander():
     assert typical_turn_on_bias(triad, "gyro")[0] == 0.01
     spec, _ = with_typical_biases(catalogue.spec("VN-200"), ())
     assert spec == catalogue.spec("VN-200")
+
+
+@pytest.mark.parametrize("states", [21, 33, ("b_a", "b_g", "S_g", "M_g")])
+def test_scales_that_the_states_estimate_are_typical_where_none_is_stated(states):
+    """A part that is not known has a scale all the same: zero was an error that stopped the run."""
+    config = NavigationConfig.checked({"imu": {"catalogue": "consumer"}, "filter": {"states": states}})
+    notes = []
+    spec = imu_spec(config, notes)
+    assert spec.gyro.scale_factor == 0.03
+    assert spec.accel.scale_factor == (0.0 if isinstance(states, tuple) else 0.03)
+    assert spec.gyro.misalignment == (0.0 if states == 21 else 0.02)
+    assert sum("3 % is taken, typical of consumer grade" in note for note in notes) == 1 + isinstance(states, int)
+    layout = state_layout(config, spec)
+    assert layout.models["S_g"].sigma == pytest.approx(0.03)
+
+
+def test_scales_that_are_stated_or_not_estimated_stay():
+    for section in (
+        {"catalogue": "MPU-6050"},
+        {"gyro": {"arw_deg_rthr": 0.2, "scale_ppm": 400.0}, "accel": {"vrw_m_s_rthr": 0.05}},
+    ):
+        plain = imu_spec(NavigationConfig.checked({"imu": section}))
+        scaled = imu_spec(NavigationConfig.checked({"imu": section, "filter": {"states": 21}}))
+        assert scaled.gyro.scale_factor == plain.gyro.scale_factor > 0.0
+        assert plain.accel.scale_factor in (0.0, scaled.accel.scale_factor)
+        assert scaled.accel.scale_factor > 0.0
+    zero = {"gyro": {"arw_deg_rthr": 0.2, "scale_ppm": 0.0}, "accel": {"vrw_m_s_rthr": 0.05}}
+    assert imu_spec(NavigationConfig.checked({"imu": zero, "filter": {"states": 21}})).gyro.scale_factor == 0.0
+    own = NavigationConfig.checked({"imu": {"catalogue": "flenniken-consumer"}, "filter": {"states": 21}})
+    with pytest.raises(InputError, match="nothing to estimate"):
+        state_layout(own, imu_spec(own))

@@ -126,15 +126,17 @@ def misfit(turns: Turns, maps: FloatArray) -> FloatArray:
     return np.asarray(np.median(np.arccos(cosine), axis=1))
 
 
-def are_counts(gyro: FloatArray) -> bool:
+def are_counts(gyro: FloatArray, *, beside_counts: bool = False) -> bool:
     """Whether readings are whole numbers of 16 bits and not all of them small.
 
     Parameters
     ----------
     gyro : ndarray, shape (n, 3)
         As written.
+    beside_counts : bool
+        The accelerometer's readings are counts: small ones are then, too, as of a gyroscope at rest.
     """
-    if not _LEAST_LARGE <= largest(gyro) <= _LARGEST_COUNT:
+    if not (1 if beside_counts else _LEAST_LARGE) <= largest(gyro) <= _LARGEST_COUNT:
         return False
     whole = np.round(gyro)
     return bool(np.all(np.abs(gyro - whole) <= 1e-9 * np.abs(whole)))

@@ -246,7 +246,7 @@ def not_a_log(path: Path) -> str | None:
     path : Path
         That no reader took.
     """
-    if not path.is_file():
+    if not path.is_file() or packed.tables(path):
         return None
     with path.open("rb") as stream:
         head = stream.read(_MOST)

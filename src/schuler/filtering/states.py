@@ -8,6 +8,7 @@ estimate minus truth.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -299,6 +300,37 @@ class StateLayout:
         return {name: {"sigma": m.sigma, "noise": m.noise, "tau": m.tau} for name, m in self.models.items()}
 
 
+#: Blocks of the layouts that are named by their number of states.
+_NAMED: dict[int, tuple[str, ...]] = {
+    9: (),
+    15: ("b_a", "b_g"),
+    21: ("b_a", "b_g", "S_a", "S_g"),
+    27: ("b_a", "b_g", "S_a", "S_g", "b_a_run", "b_g_run"),
+    33: ("b_a", "b_g", "S_a", "S_g", "M_a6", "M_g"),
+    39: ("b_a", "b_g", "S_a", "S_g", "M_a", "M_g", "G_g"),
+    42: ("b_a", "b_g", "S_a", "S_g", "M_a6", "M_g", "G_g"),
+}
+
+
+def block_names(states: int | Sequence[str]) -> tuple[str, ...]:
+    """Blocks of a layout by its number of states, or as they are named.
+
+    Parameters
+    ----------
+    states : {9, 15, 21, 27, 33, 39, 42} or sequence of str
+
+    Raises
+    ------
+    InputError
+        If no layout has that many states.
+    """
+    if not isinstance(states, int):
+        return tuple(states)
+    if states not in _NAMED:
+        raise InputError(f"states: expected one of {', '.join(map(str, _NAMED))} or block names, got {states}")
+    return _NAMED[states]
+
+
 @explains_arguments
 def layout_for(spec: ImuSpec, states: int | tuple[str, ...] = 15) -> StateLayout:
     """State layout that fits an IMU's error budget.
@@ -330,23 +362,7 @@ def layout_for(spec: ImuSpec, states: int | tuple[str, ...] = 15) -> StateLayout
     ----------
     39 states: Yaman (2017), section 4.3, eq. (4-6).
     """
-    named_blocks: dict[int, tuple[str, ...]] = {
-        9: (),
-        15: ("b_a", "b_g"),
-        21: ("b_a", "b_g", "S_a", "S_g"),
-        27: ("b_a", "b_g", "S_a", "S_g", "b_a_run", "b_g_run"),
-        33: ("b_a", "b_g", "S_a", "S_g", "M_a6", "M_g"),
-        39: ("b_a", "b_g", "S_a", "S_g", "M_a", "M_g", "G_g"),
-        42: ("b_a", "b_g", "S_a", "S_g", "M_a6", "M_g", "G_g"),
-    }
-    if isinstance(states, int):
-        if states not in named_blocks:
-            raise InputError(
-                f"states: expected one of {', '.join(map(str, named_blocks))} or block names, got {states}"
-            )
-        blocks = named_blocks[states]
-    else:
-        blocks = tuple(states)
+    blocks = block_names(states)
     models = {}
     for name in blocks:
         if name not in BLOCKS:

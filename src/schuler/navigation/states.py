@@ -8,7 +8,16 @@ from schuler import units
 from schuler.arrays import FloatArray
 from schuler.exceptions import ConfigError
 from schuler.filtering.limits import MAX_STATES, MOST_CHANNELS
-from schuler.filtering.states import AMBIGUITIES, BLOCKS, CHANNELS, NAVIGATION, StateLayout, StateModel, layout_for
+from schuler.filtering.states import (
+    AMBIGUITIES,
+    BLOCKS,
+    CHANNELS,
+    NAVIGATION,
+    StateLayout,
+    StateModel,
+    block_names,
+    layout_for,
+)
 from schuler.gnss.carrier import carrier_phases
 from schuler.gnss.ranges import Ranges
 from schuler.gnss.slow_errors import slow_channels
@@ -17,7 +26,7 @@ from schuler.sensors import catalogue
 from schuler.sensors.sheets import AccelerometerSheet, GyroSheet, sheet_keys
 from schuler.sensors.spec import ImuSpec, TriadSpec
 from schuler.sensors.spec_file import configured_spec
-from schuler.sensors.typical import with_typical_biases
+from schuler.sensors.typical import with_typical_biases, with_typical_scales
 
 
 def imu_spec(config: NavigationConfig, notes: list[str] | None = None) -> ImuSpec:
@@ -25,7 +34,8 @@ def imu_spec(config: NavigationConfig, notes: list[str] | None = None) -> ImuSpe
 
     A turn-on bias that a data sheet leaves out, here or in the catalogue, is not zero: what is typical of the class is
     taken, also of a grade ("consumer"), which says that the part is not known. One that is stated stays, zero too, and
-    so do the budget of a file and the set of a simulation by its own name ("flenniken-consumer").
+    so do the budget of a file and the set of a simulation by its own name ("flenniken-consumer"). So it is with scale
+    factors and misalignments where the configured states estimate them.
     """
     section = config.imu
     if section.spec is not None:
@@ -33,8 +43,10 @@ def imu_spec(config: NavigationConfig, notes: list[str] | None = None) -> ImuSpe
     if section.catalogue is not None:
         spec, entry = catalogue.spec(section.catalogue), catalogue.entry(section.catalogue)
         unstated = entry.unstated
-        if entry.kind == "grade" and catalogue.plain(section.catalogue) != catalogue.plain(entry.name):
+        by_grade = entry.kind == "grade" and catalogue.plain(section.catalogue) != catalogue.plain(entry.name)
+        if by_grade:
             unstated = tuple(f"{which}.turn_on_bias" for which in ("gyro", "accel"))
+        scales = [field for field in _estimated(config) if _is_zero(spec, field) and (by_grade or entry.is_device)]
     else:
         try:
             gyro, accel = TriadSpec.gyro(**section.gyro), TriadSpec.accelerometer(**section.accel)  # type: ignore[arg-type]
@@ -49,10 +61,33 @@ def imu_spec(config: NavigationConfig, notes: list[str] | None = None) -> ImuSpe
             for which, given, sheet in sheets
             if not any(sheet_keys(sheet)[key][0] == "turn_on_bias" for key in given if key != "density")
         )
+        stated = {f"{w}.{sheet_keys(sheet)[k][0]}" for w, given, sheet in sheets for k in given if k != "density"}
+        scales = [field for field in _estimated(config) if field not in stated]
     spec, sentences = with_typical_biases(spec, unstated)
+    spec, more = with_typical_scales(spec, scales)
     if notes is not None:
-        notes += sentences
+        notes += [*sentences, *more]
     return spec
+
+
+_SCALES = {
+    "S_a": "accel.scale_factor",
+    "S_g": "gyro.scale_factor",
+    "M_a": "accel.misalignment",
+    "M_a6": "accel.misalignment",
+    "M_g": "gyro.misalignment",
+}
+
+
+def _estimated(config: NavigationConfig) -> list[str]:
+    """Scale factors and misalignments of the budget that the states estimate without a model of their own."""
+    blocks = [name for name in block_names(config.filter.states) if name not in config.filter.models]
+    return [_SCALES[name] for name in blocks if name in _SCALES]
+
+
+def _is_zero(spec: ImuSpec, field: str) -> bool:
+    which, _, name = field.partition(".")
+    return bool(getattr(getattr(spec, which), name) == 0.0)
 
 
 def white_noise_psd(config: NavigationConfig, spec: ImuSpec) -> tuple[FloatArray, FloatArray]:

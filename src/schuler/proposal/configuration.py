@@ -274,7 +274,8 @@ def _rate_unit(files: Files, diagnosis: Diagnosis, given: Mapping[str, Any]) -> 
     imu = recording.need_imu()
     left, why = possible_units(imu.rates())
     words = {unit: {label: str(entry["units"]).replace("gyro=rad/s", f"gyro={unit}")} for unit in left}
-    if "gyro" not in str(entry.get("scale")) and imu.kind == "rate" and are_counts(imu.gyro):
+    counted = "accel=" in str(entry.get("scale"))  # no usual unit explains its size
+    if "gyro" not in str(entry.get("scale")) and imu.kind == "rate" and are_counts(imu.gyro, beside_counts=counted):
         name = files.names_of("imu", "scale")[0]
         for lsb in COUNTS_PER_DEG_S:
             scale = ",".join(filter(None, (entry.get("scale"), f"gyro={DEG / lsb:.6g}")))

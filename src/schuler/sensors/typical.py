@@ -1,4 +1,4 @@
-"""Turn-on biases typical of a class of sensors, where a data sheet states none."""
+"""Turn-on biases, scale factors and misalignments typical of a class of sensors, where a data sheet states none."""
 
 from __future__ import annotations
 
@@ -23,6 +23,10 @@ _ACCEL_CLASSES = (
     (300.0 * UG, "industrial", 5.0 * MG),
     (float("inf"), "consumer", 50.0 * MG),
 )
+#: Scale factor and misalignment typical of a class, 1-sigma. Groves (2013), section 4.4: 1e-4 to 1e-3 of tactical
+#: grade; sheets of factory-calibrated MEMS (0.1 to 0.5 %); of the MPU-6000 3 % and 2 %, as of other raw parts.
+_SCALES = {"navigation": (1e-4, 1e-4), "tactical": (5e-4, 5e-4), "industrial": (3e-3, 2e-3), "consumer": (0.03, 0.02)}
+_SCALED = ("scale_factor", "misalignment")
 
 
 def typical_turn_on_bias(triad: TriadSpec, which: Literal["gyro", "accel"]) -> tuple[float, str]:
@@ -71,5 +75,32 @@ def with_typical_biases(spec: ImuSpec, unstated: Sequence[str]) -> tuple[ImuSpec
         sentences.append(
             f"IMU {spec.name}: no turn-on bias of the {sensors} is stated; {bias / factor:.3g} {unit} is taken, "
             f"typical of {name} grade: give bias_... in imu.{which} to say better, 0 if it is calibrated out"
+        )
+    return spec, sentences
+
+
+def with_typical_scales(spec: ImuSpec, unstated: Sequence[str]) -> tuple[ImuSpec, list[str]]:
+    """Budget with scale factors and misalignments that its source leaves out, and a sentence on each.
+
+    A filter that estimates them has to begin somewhere: zero would say that they are known.
+
+    Parameters
+    ----------
+    spec : ImuSpec
+    unstated : sequence of str
+        ``gyro.scale_factor``, ``accel.misalignment`` and the like.
+    """
+    sentences = []
+    for field in unstated:
+        which, _, name = field.partition(".")
+        triad: TriadSpec = getattr(spec, which)
+        classes = _GYRO_CLASSES if which == "gyro" else _ACCEL_CLASSES
+        grade = next(row[1] for row in classes if triad.random_walk <= row[0])
+        value = _SCALES[grade][_SCALED.index(name)]
+        spec = replace(spec, **{which: replace(triad, **{name: value})})  # type: ignore[arg-type]
+        sensors = "gyroscopes" if which == "gyro" else "accelerometers"
+        sentences.append(
+            f"IMU {spec.name}: no {name.replace('_', ' ')} of the {sensors} is stated; {100.0 * value:.3g} % is taken, "
+            f"typical of {grade} grade: give {name.partition('_')[0]}_percent in imu.{which} to say better"
         )
     return spec, sentences

@@ -320,4 +320,4 @@ def _commented_header(
 
 
 def _guess_delimiter(line: str) -> str:
-    return next((character for character in ";\t," if character in line), " ")
+    return next((character for character in ";\t,|" if character in line), " ")

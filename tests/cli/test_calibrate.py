@@ -95,6 +95,31 @@ def test_sixposition(faces, tmp_path, capsys):
     within(data, "M_a_yz", 0.0015)
 
 
+@pytest.mark.parametrize("form", ["counts", "numbers", "one sensor"])
+def test_a_table_as_loggers_write_it_needs_no_option(hand, tmp_path, capsys, form):
+    """A raw sensor is further from gravity than 5 %: that is what is to be calibrated, and stops no command here."""
+    imu = io.read(hand).need_imu()
+    accel, gyro = imu.accel + np.array([0.0, 0.0, 0.8]), imu.gyro
+    path = tmp_path / "unit.csv"
+    if form == "counts":
+        ms, whole = np.round(1e3 * (imu.t - imu.t[0])), (accel / G0 * 16384.0, gyro / DEG * 65.5)
+        np.savetxt(
+            path, np.column_stack((ms, *whole)), "%.0f", ",", header="millis,AcX,AcY,AcZ,GyX,GyY,GyZ", comments=""
+        )
+    elif form == "numbers":
+        np.savetxt(path, np.column_stack((imu.t, accel, gyro)), "%.6f")
+    else:
+        np.savetxt(path, np.column_stack((imu.t, accel)), "%.6f", ",", header="t,x,y,z", comments="")
+    data = answer(capsys, "calibrate", "freepose", path, "--out", tmp_path / "o", "--json", "--no-report")
+    assert data["status"] == "ok"
+    for axis, bias in zip("xyz", ERRORS.b_a + np.array([0.0, 0.0, 0.8]), strict=True):
+        within(data, f"b_a_{axis}", bias, sigmas=5.0)  # statistical, and rounding of the counts
+
+
+def test_a_log_without_a_method_is_told_one(hand, capsys):
+    assert "calibrate freepose" in refusal(capsys, "calibrate", hand)
+
+
 def test_multiposition_needs_no_fixture(hand, tmp_path, capsys):
     data = answer(
         capsys, "calibrate", "multiposition", hand, "--out", tmp_path, "--no-report", "--json", "--gyro-order", "3",

@@ -64,6 +64,7 @@ def named(header, delimiter=","):
         ("time,I[0].pqr[0],I[0].pqr[1],I[0].pqr[2],I[0].acc[0],I[0].acc[1],I[0].acc[2],status", ",", range(7),
          "t gx gy gz ax ay az"),
         ("time,week,status,lla[0],lla[1],lla[2],hMSL,hAcc,vAcc", ",", [0, 3, 4, 5, 7, 8], "t lat lon h radius sd"),
+        ("time,lat,lon,ele,hdop,sat", ",", [0, 1, 2, 3, 4], "t lat lon h hdop"),
         ("Timpstemp,imgid,lat,lon,alt,s_variance_m_s,vel_n_m_s,vel_e_m_s,vel_d_m_s,", ",", [0, 2, 3, 4, 6, 7, 8],
          "t lat lon h vn ve vd"),
     ],

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -54,6 +55,12 @@ def _run(given: Sequence[str]) -> int:
         )
         return 2
     except cyclopts.CycloptsError as error:
+        if given[0] == "calibrate" and len(given) > 1 and Path(given[1]).exists():
+            complain(
+                f"calibrate: expected a method before the log, such as calibrate freepose {given[1]} (put down by hand "
+                "in many poses); schuler calibrate --help lists them"
+            )
+            return 2
         complain(f"{' '.join(str(error).split())}  (see schuler --help)")
         return 2
     except SchulerError as error:

@@ -126,6 +126,8 @@ class Reading(Part, Hints):
             proposal = proposed_hints(log, self.given, decisions.append) if asked else None
             if proposal is None:
                 raise
+            if uncalibrated and not log.is_dir():
+                proposal["allow"] = ",".join(filter(None, (proposal.get("allow"), "norm")))
             recording = read(log, **{**hints, **proposal})  # where this fails it says what is missing, and only that
             for decision in decisions:
                 say(decision)
@@ -198,6 +200,14 @@ class Checking:
 def of_part(reading: Reading, log: Path) -> Reading:
     """Options of a log whose columns are one triad, or one axis, alone: what it does not have is not missed."""
     names = _columns(log, reading.columns)
+    if reading.columns is None and reading.config is None and {"x", "y", "z"} <= names:
+        from schuler.proposal.halves import sensor_alone
+
+        if (alone := sensor_alone(log)) is not None:
+            hints, why = alone
+            say(f"{log.name}: {' '.join(f'--{name} {value}' for name, value in hints.items())}: {why}")
+            reading = replace(reading, columns=hints["columns"], units=reading.units or hints.get("units"))
+            names = _columns(log, reading.columns)
     of_triad = {t: names & {t, *(letter + a for a in "xyz")} for t, letter in (("accel", "a"), ("gyro", "g"))}
     held = [t for t, its_axes in of_triad.items() if its_axes]
     if len(held) != 1 or "*" in names:

@@ -35,6 +35,56 @@ def half_of_imu(path: Path) -> str | None:
     return None
 
 
+def sensor_alone(path: Path) -> tuple[dict[str, str], str] | None:
+    """Hints of a file that is said to be of one sensor and calls its axes x, y, z, and how they were told.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    hints : dict
+        ``columns``; of an accelerometer ``units``, by gravity, where the header states none.
+    evidence : str
+        None where the header names the sensor, or neither it, the file's name nor gravity tells which it is.
+    """
+    names, why = half_columns(path, "gyro")
+    if names is None and (names := half_columns(path, "accel")[0]) is None:
+        names = _by_gravity(path)
+    if names is None:
+        return None
+    columns_of = names.split(",")
+    if "ax" not in columns_of:
+        return {"columns": names}, why
+    size = tables.norm(path, [columns_of.index(name) for name in columns.ACCEL])
+    stated = text_head.open_text(path, ReadHints()).header
+    unit = None if stated is None else columns.unit_in(stated[1][columns_of.index("ax")])
+    units = {} if unit is not None else {"units": f"accel={tables.accel_unit(size)}"}
+    return {"columns": names} | units, f"the norm of x, y, z is about {size:.4g}"
+
+
+def _by_gravity(path: Path) -> str | None:
+    """Hint ``columns`` of a time and x, y, z without units whose norm stays gravity's."""
+    try:
+        opening = text_head.open_text(path, ReadHints())
+    except SchulerError:
+        return None
+    fields = [] if opening.header is None else [field.strip().strip("\"'").lower() for field in opening.header[1]]
+    read = [None if column is None else column[0] for column in text_head.columns_of(opening)]
+    if "t" not in read or not {"x", "y", "z"} <= set(fields):
+        return None
+    at = [fields.index(axis) for axis in "xyz"]
+    x = tables.column(path, at[0])
+    if x is None or len(x) < _FEWEST or not tables.is_gravity(path, at):
+        return None
+    names = ["-"] * len(fields)
+    names[read.index("t")] = "t"
+    for k, name in zip(at, columns.ACCEL, strict=True):
+        names[k] = name
+    return ",".join(names)
+
+
 def half_columns(path: Path, half: str) -> tuple[str | None, str]:
     """Hint ``columns`` of a file of one sensor (None if its header names them), and evidence; empty if it is none.
 

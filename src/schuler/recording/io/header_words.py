@@ -36,7 +36,7 @@ _TURNING = ("vel", "velocity", "speed")  # of a roll, pitch or yaw
 _PLACES = {
     "lat": ("lat", "latitude", "latit", "latitud", "breite", "breitengrad"),
     "lon": ("lon", "long", "lng", "longitude", "longitud", "lange", "laenge", "langengrad"),
-    "h": ("alt", "altitude", "height", "elevation", "hmsl", "altitud", "hohe", "hoehe"),
+    "h": ("alt", "altitude", "height", "elevation", "ele", "hmsl", "altitud", "hohe", "hoehe"),
     "speed": ("speed", "geschwindigkeit", "tempo", "vitesse", "velocidad"),
     "course": ("course", "heading", "bearing", "cog", "track", "dir", "kurs", "rumbo"),
 }

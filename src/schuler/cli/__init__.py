@@ -55,7 +55,7 @@ def _run(given: Sequence[str]) -> int:
         )
         return 2
     except cyclopts.CycloptsError as error:
-        if given[0] == "calibrate" and len(given) > 1 and Path(given[1]).exists():
+        if given[:1] == ["calibrate"] and len(given) > 1 and Path(given[1]).exists():
             complain(
                 f"calibrate: expected a method before the log, such as calibrate freepose {given[1]} (put down by hand "
                 "in many poses); schuler calibrate --help lists them"

@@ -90,6 +90,19 @@ def test_a_part_of_a_log_has_a_proposal_of_its_own(folder, capsys, tmp_path):
 
 
 @pytest.mark.campaign
+@pytest.mark.campaign
+def test_noise_is_tuned_without_a_configuration_and_written_with_all_that_was_decided(folder, capsys, tmp_path):
+    out = tmp_path / "drive.toml"
+    assert "no --imu with it" in refusal(capsys, "tune", folder.path, "--config", "drive.toml", "--imu", "a")
+    data = answer(capsys, "tune", folder.path, "--out", out, "--json")
+    assert data["better"]
+    text = out.read_text(encoding="utf-8")
+    assert "schuler tune: " in text
+    config = schuler.NavigationConfig.load(out)
+    assert config.filter.tune is False
+    assert config.recording["imu"]["axes"] == "RUB"
+
+
 def test_what_two_files_could_be_is_one_question(folder, capsys, tmp_path):
     for name in ("left.csv", "right.csv"):
         (tmp_path / name).write_bytes((folder.path / "LOG0042.TXT").read_bytes())

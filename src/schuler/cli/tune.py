@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from schuler.cli.configuration import configuration, entries
+from schuler.cli.configuration import configuration, entries, with_outages
 from schuler.cli.output import File, Flag, Texts, print_json, writable
 from schuler.cli.reading import Part
+from schuler.exceptions import InputError
 
 _ALL = Part()
 
@@ -16,7 +17,8 @@ def tune(
     log: Path,
     /,
     *,
-    config: Path,
+    config: Path | None = None,
+    imu: str | None = None,
     out: File = None,
     outage: Texts = (),
     outage_every: str | None = None,
@@ -33,9 +35,11 @@ def tune(
     log
         File or folder; how it is read stands in the [recording] section of the configuration.
     config
-        TOML file, see docs/navigation.md.
+        TOML file, see docs/navigation.md. Without one it is proposed from what the log shows, as navigate does.
+    imu
+        Without a configuration: the IMU by its name in the catalogue, or a file of schuler allan.
     out
-        File to write instead of the configuration itself.
+        File to write instead of the configuration itself; without a configuration what was proposed, tuned.
     outage
         Withhold GNSS from START:STOP, seconds from the start of the recording; may be given several times.
     outage_every
@@ -49,6 +53,7 @@ def tune(
     json
         Print one JSON object instead of text.
     """
+    from schuler.cli.proposal import proposed
     from schuler.cli.reading import read_log
     from schuler.diagnosis.admission import checked
     from schuler.files import write_text
@@ -57,15 +62,24 @@ def tune(
     from schuler.toml import toml_with
 
     began = time.perf_counter()
-    loaded = configuration(config, entries(set), outage, outage_every)
-    recording = checked(part.of(read_log(log, config)), unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
-    if not dry_run:
-        writable((config if out is None else out).parent)
+    if config is None:
+        proposal = proposed([log], imu, entries(set), part=part)
+        loaded, recording = with_outages(proposal.config, outage, outage_every), proposal.recording
+        text = proposal.toml()
+    elif imu is not None:
+        raise InputError("--config says what the IMU is: give no --imu with it")
+    else:
+        loaded = configuration(config, entries(set), outage, outage_every)
+        recording, text = part.of(read_log(log, config)), config.read_text(encoding="utf-8")
+    recording = checked(recording, unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
+    file = None if dry_run else config if out is None else out
+    if file is not None:
+        writable(file.parent)
     result = tune_noise(recording, loaded)
     written = None
-    if result.better and not dry_run:
-        text = toml_with(config.read_text(encoding="utf-8"), tuned_entries(loaded, result), remarks(loaded, result))
-        written = write_text(config if out is None else out, text, at_once=out is None)
+    if result.better and file is not None:
+        text = toml_with(text, tuned_entries(loaded, result), remarks(loaded, result))
+        written = write_text(file, text, at_once=out is None)
     if json:
         elapsed = time.perf_counter() - began
         print_json({"command": "tune", **result.to_dict(), "elapsed_s": elapsed, "file": written})

@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import walk_cases as wc
+from places import EXAMPLES
 
+import schuler
 from schuler import frames
 from schuler.exceptions import ConfigError, InputError
 from schuler.navigation.evaluation.consistency import chi_square_band, nees, state_errors
@@ -27,6 +29,11 @@ GYRO_N, ACCEL_N = 2e-4, 5e-3  # a good MEMS IMU; the tests' own noise
 def square():
     motion = wc.square()
     return motion, wc.increments_log(motion)
+
+
+@pytest.fixture(scope="module")
+def drive_of_town():
+    return schuler.simulate(EXAMPLES / "town.toml").need_imu().rates()
 
 
 def worst(result, motion):
@@ -329,3 +336,20 @@ def test_a_log_without_a_rest_that_tells_gyro_biases_is_doubted(square):
     assert "no rest tells the gyro biases" in verdict.reasons[0]
     without = {"place": wc.PLACE, "filter": {"states": 9}}
     assert navigate_foot(imu, without, rest=brief).verdict.status == "ok"  # none to tell
+
+
+@pytest.mark.campaign
+def test_what_is_not_on_a_foot_is_doubted(drive_of_town):
+    """A car's log: no stride, and one rest from end to end while it goes through a town."""
+    verdict = navigate_foot(drive_of_town.between(0.0, 150.0), {"place": wc.PLACE}).verdict
+    assert verdict.status == "doubtful"
+    assert "not on a foot" in verdict.reasons[0]
+
+
+def test_somebody_who_stands_is_not_doubted():
+    rng = np.random.default_rng(4)
+    t = np.arange(0.0, 20.0, 0.005)
+    still = np.array([0.0, 0.0, -9.80665]) + 5e-3 * rng.standard_normal((len(t), 3))
+    result = navigate_foot(ImuSeries(t, 1e-3 * rng.standard_normal((len(t), 3)), still), {"place": wc.PLACE})
+    assert not result.strides.walking.any()
+    assert result.verdict.status == "ok"

@@ -22,7 +22,7 @@ from schuler.navigation.foot.config import FootConfig
 from schuler.navigation.foot.motion import in_motion, noise_in_motion, spike_doubts
 from schuler.navigation.foot.rests import detect_rests, zero_velocities
 from schuler.navigation.foot.result import FootResult
-from schuler.navigation.foot.strides import segment
+from schuler.navigation.foot.strides import Strides, segment
 from schuler.navigation.result import NavigationResult
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
@@ -32,6 +32,8 @@ from schuler.standstill.intervals import Rests, rests_from_mask
 _MOST_OF_BIAS_SIGMA = 4.0  # 3.6 at most on walks of unbiased gyroscopes, 4.1 and more where errors were ten claims
 _UNTOLD = 0.9  # of the variance of gyro biases that rests leave: 0.87 at most where one told them, chosen on half
 _FEW_STRIDES = 6
+_STILL_M = 1.0  # within which somebody stands without a stride
+_SHOE_M = 0.5  # from an IMU to any point of its shoe
 
 
 @explains_arguments
@@ -156,11 +158,30 @@ def navigate_foot(
     smoothing = "none" if smoothed is None else config.filter.smooth
     expected = None if stride is None else float(in_motion(imu).sum()) * imu.interval / stride
     speeds = residual_speeds(filtered, config.stride.min_motion_s)
-    doubts = [*spikes, *clip_doubts, *strides.doubts(expected, speeds)]
+    doubts = [*_foot_doubts(best, position, strides), *spikes, *clip_doubts, *strides.doubts(expected, speeds)]
     if _bias_untold(initial, layout, config) and strides.walking.sum() >= _FEW_STRIDES:
         text = f"no rest tells the gyro biases, taken as {config.sensor.gyro_bias_deg_s:.2g} deg/s (1 sigma)"
         doubts += _bias_doubts(text, rests, config)
     return FootResult(filtered, smoothed, smoothing, rests, strides, llh, tuple(notes), tuple(doubts))
+
+
+def _foot_doubts(best: NavigationResult, position: FloatArray, strides: Strides) -> list[str]:
+    """Sentences on what no foot does: it goes somewhere without a stride, or rests at a point that is not its shoe."""
+    sentences = []
+    reach = float(np.hypot(position[:, 0], position[:, 1]).max())
+    if not strides.walking.any() and reach > _STILL_M:
+        sentences.append(
+            f"there is no stride, and yet the solution goes {reach:.1f} m: the IMU is not on a foot (schuler navigate "
+            "is for vehicles and hands), or stances are missed"
+        )
+    if "lever_v" in best.layout:
+        size, sigma = (float(np.linalg.norm(x)) for x in (best.parameter("lever_v")[-1], best.sigma("lever_v")[-1]))
+        if size - 3.0 * sigma > _SHOE_M:
+            sentences.append(
+                f"the point that rests is {size:.1f} m from the IMU, which no shoe is large enough for: the IMU is not "
+                "on a foot, or units or axes are wrong"
+            )
+    return sentences
 
 
 def _bias_needed(filtered: NavigationResult, initial: InitialState, config: FootConfig) -> float | None:

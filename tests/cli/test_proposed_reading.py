@@ -1,5 +1,6 @@
 """Text logs without options: columns, units and clock proposed for allan, calibrate and foot, and asked once."""
 
+import json
 import re
 import shlex
 import tomllib
@@ -232,3 +233,24 @@ def test_a_clock_that_no_header_names_is_told_by_its_steps(tmp_path, capsys, giv
     err = capsys.readouterr().err
     assert "increases like a clock" in err
     assert ("--units" in err) != bool(given)
+
+
+def test_lines_of_objects_whose_unit_is_open_are_a_log(tmp_path, capsys):
+    """The question is asked; that they were settings and no samples was said."""
+    rng = np.random.default_rng(3)
+    rows = np.round(np.column_stack((0.01 * np.arange(3000), rng.normal([0, 0, 9.8, 0, 0, 0], 0.01, (3000, 6)))), 4)
+    names = ("timestamp", "ax", "ay", "az", "gx", "gy", "gz")
+    path = tmp_path / "log.jsonl"
+    path.write_text("\n".join(json.dumps(dict(zip(names, row, strict=True))) for row in rows.tolist()) + "\n")
+    assert "unit of angular rate" in refusal(capsys, "info", path)
+    code, out, _ = run(capsys, "info", path, "--units", "accel=m/s^2,gyro=rad/s")
+    assert (code, "3000 samples at 100 Hz" in out) == (0, True)
+
+
+def test_columns_parted_by_strokes(tmp_path):
+    path = tmp_path / "rest.txt"
+    f, w = save(path, ["time|gx (deg/s)|gy (deg/s)|gz (deg/s)|ax|ay|az"])
+    path.write_text(path.read_text().replace(",", "|"))
+    imu = Reading().read(path).imu
+    np.testing.assert_allclose(imu.accel, f, atol=1e-6)
+    np.testing.assert_allclose(imu.gyro, w, atol=1e-6)

@@ -8,7 +8,7 @@ import pytest
 
 from schuler.diagnosis import diagnose
 from schuler.exceptions import FileFormatError
-from schuler.proposal import UndecidedError, propose, propose_reading
+from schuler.proposal import UndecidedError, propose, propose_reading, tables
 from schuler.proposal.files import files_of
 from schuler.recording.io import columns, dates, read, text_head
 from schuler.recording.io.hints import ReadHints
@@ -65,6 +65,18 @@ def test_a_phones_places_without_names_have_their_accuracies_beside_the_height(t
     gnss = read(files.log, **files.entries).need_gnss()
     np.testing.assert_array_equal(gnss.llh[:, 2], height)
     np.testing.assert_allclose(np.sqrt(gnss.cov_r_n[:, 0, 0]), radius / CIRCLE_68, rtol=1e-12)  # rounding
+
+
+def test_a_flat_height_before_a_speed_and_a_count_of_satellites_is_no_accuracy(tmp_path):
+    k = np.arange(60)
+    place = (
+        48.7 + 1e-5 * k + 1e-6 * np.sin(k),
+        9.1 - 2e-5 * k,
+        np.round(300.0 + np.sin(k)),
+        np.round(5.0 + np.cos(k), 2),
+    )
+    path = written(tmp_path / "gps.csv", joined(k + 0.25, *place, np.full(60, 9)))
+    assert tables.fix_columns(path)[0] == "t,lat,lon,h,-,-"
 
 
 def test_letters_behind_names_that_are_not_known_tell_the_axes(tmp_path):

@@ -50,8 +50,8 @@ def sensor_alone(path: Path) -> tuple[dict[str, str], str] | None:
         None where the header names the sensor, or neither it, the file's name nor gravity tells which it is.
     """
     names, why = half_columns(path, "gyro")
-    if names is None and (names := half_columns(path, "accel")[0]) is None:
-        names = _by_gravity(path)
+    if names is None:
+        names, why = half_columns(path, "accel", by_gravity=True)
     if names is None:
         return None
     columns_of = names.split(",")
@@ -64,34 +64,15 @@ def sensor_alone(path: Path) -> tuple[dict[str, str], str] | None:
     return {"columns": names} | units, f"the norm of x, y, z is about {size:.4g}"
 
 
-def _by_gravity(path: Path) -> str | None:
-    """Hint ``columns`` of a time and x, y, z without units whose norm stays gravity's."""
-    try:
-        opening = text_head.open_text(path, ReadHints())
-    except SchulerError:
-        return None
-    fields = [] if opening.header is None else [field.strip().strip("\"'").lower() for field in opening.header[1]]
-    read = [None if column is None else column[0] for column in text_head.columns_of(opening)]
-    if "t" not in read or not {"x", "y", "z"} <= set(fields):
-        return None
-    at = [fields.index(axis) for axis in "xyz"]
-    x = tables.column(path, at[0])
-    if x is None or len(x) < _FEWEST or not tables.is_gravity(path, at):
-        return None
-    names = ["-"] * len(fields)
-    names[read.index("t")] = "t"
-    for k, name in zip(at, columns.ACCEL, strict=True):
-        names[k] = name
-    return ",".join(names)
-
-
-def half_columns(path: Path, half: str) -> tuple[str | None, str]:
+def half_columns(path: Path, half: str, *, by_gravity: bool = False) -> tuple[str | None, str]:
     """Hint ``columns`` of a file of one sensor (None if its header names them), and evidence; empty if it is none.
 
     Parameters
     ----------
     path : Path
     half : {"accel", "gyro"}
+    by_gravity : bool
+        Take x, y, z whose norm stays gravity's for an accelerometer's whatever the file is called.
     """
     try:
         opening = text_head.open_text(path, ReadHints())
@@ -125,6 +106,8 @@ def half_columns(path: Path, half: str) -> tuple[str | None, str]:
         evidence = f"its header states {unit}"
     elif _CALLED[half].search(path.stem):
         evidence = "it is called so"
+    elif by_gravity and half == "accel" and _is_gravity(path, [bare.index(axis) for axis in "xyz"]):
+        evidence = "its norm stays gravity's"
     else:
         return None, ""
     names = ["-"] * len(fields)
@@ -132,3 +115,9 @@ def half_columns(path: Path, half: str) -> tuple[str | None, str]:
     for axis, name in zip("xyz", triad, strict=True):
         names[bare.index(axis)] = name
     return ",".join(names), evidence
+
+
+def _is_gravity(path: Path, at: list[int]) -> bool:
+    """Whether columns of a table long enough to tell have gravity's norm."""
+    x = tables.column(path, at[0])
+    return x is not None and len(x) >= _FEWEST and tables.is_gravity(path, at)

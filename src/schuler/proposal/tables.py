@@ -146,13 +146,8 @@ def fix_columns(path: Path) -> tuple[str, str] | None:
         or text_head.open_text(path, ReadHints()).header
     ):
         return None
-    places = [
-        k
-        for k in range(values.shape[1] - 2)
-        if _is_path(values[:, k : k + 3])
-        or (_has_accuracies(values[:, k + 2 :]) and _is_path(values[:, [k, k + 1, k + 3]]))
-    ]
-    of_place = [k + axis for k in places for axis in range(3)]  # which may increase as steadily as a clock
+    places = [at for k in range(values.shape[1] - 2) if _is_path(values[:, at := _place(path, values, k)])]
+    of_place = {k for at in places for k in at}  # which may increase as steadily as a clock
     clock = [k for k in range(values.shape[1]) if k not in of_place and is_clock(values[:, k])]
     if not clock and (week := gps_week(path)) is not None:  # once a second it counts like a counter of rows
         clock = [week[0]]
@@ -160,12 +155,11 @@ def fix_columns(path: Path) -> tuple[str, str] | None:
         return None
     names = ["-"] * values.shape[1]
     names[clock[0]] = "t"
-    k = places[0] + 1
-    if _has_accuracies(values[:, k + 1 :]):
-        names[k - 1 : k + 4] = ["lat", "lon", "radius", "h", "sd"]
-        return ",".join(names), f"columns {k}, {k + 1}, {k + 3} go on as a path does, the others are its accuracies"
-    names[k - 1 : k + 2] = ["lat", "lon", "h"]
-    return ",".join(names), f"columns {k} to {k + 2} go on as latitude, longitude and height of a path do"
+    lat, lon, h = places[0]
+    names[lat], names[lon], names[h] = "lat", "lon", "h"
+    if h > lon + 1:
+        names[h - 1], names[h + 1] = "radius", "sd"
+    return ",".join(names), f"columns {lat + 1}, {lon + 1}, {h + 1} go on as latitude, longitude, height of a path do"
 
 
 def gps_week(path: Path) -> tuple[int, int] | None:
@@ -192,12 +186,14 @@ def gps_week(path: Path) -> tuple[int, int] | None:
     return None
 
 
-def _has_accuracies(x: FloatArray) -> bool:
-    """Whether three last columns are an accuracy, a height and its accuracy, as phones list them. Shape (n, k)."""
-    if x.shape[1] != 3 or (x[:, [0, 2]] <= 0.0).any():
-        return False
-    kinds = [len(np.unique(column)) for column in x.T]
-    return kinds[1] > 2 * max(kinds[0], kinds[2])
+def _place(path: Path, values: FloatArray, k: int) -> list[int]:
+    """Columns of latitude, longitude and height from one on; a phone's locations have accuracies about the height."""
+    last = values[:, k + 2 :]
+    if "location" in path.stem.lower() and last.shape[1] == 3 and (last[:, [0, 2]] > 0.0).all():
+        kinds = [len(np.unique(x)) for x in last.T]
+        if kinds[1] > 2 * max(kinds[0], kinds[2]):
+            return [k, k + 1, k + 3]
+    return [k, k + 1, k + 2]
 
 
 def _is_path(x: FloatArray) -> bool:

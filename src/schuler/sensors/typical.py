@@ -23,8 +23,8 @@ _ACCEL_CLASSES = (
     (300.0 * UG, "industrial", 5.0 * MG),
     (float("inf"), "consumer", 50.0 * MG),
 )
-#: Scale factor and misalignment typical of a class, 1-sigma. Groves (2013), section 4.4: 1e-4 to 1e-3 of tactical
-#: grade; sheets of factory-calibrated MEMS (0.1 to 0.5 %); of the MPU-6000 3 % and 2 %, as of other raw parts.
+#: Scale factor and misalignment typical of a class, 1-sigma: 1e-4 to 1e-3 of most sensors (Groves 2013, section 4.4);
+#: 0.1 to 0.5 % in sheets of factory-calibrated MEMS; 3 and 2 % in those of raw parts such as the MPU-6000.
 _SCALES = {"navigation": (1e-4, 1e-4), "tactical": (5e-4, 5e-4), "industrial": (3e-3, 2e-3), "consumer": (0.03, 0.02)}
 _SCALED = ("scale_factor", "misalignment")
 
